@@ -1,4 +1,6 @@
-"""Figures of tracking errors: each function draws on `ax`, or on a figure of its own, and returns the axes."""
+"""Figures of tracking errors: each function draws on `ax`, or on a figure of its own, and returns
+the axes.
+"""
 
 from typing import Any
 
@@ -18,12 +20,16 @@ _UNIT = {"m": ("µm", 1e6), "rad": ("mrad", 1e3)}
 
 
 def contour_error(metrics: Metrics, ax: Axes | None = None, **style: Any) -> Axes:
-    """How far the motion runs beside the path, over time; `style` goes to the line, so that laws can share the axes."""
+    """How far the motion runs beside the path, over time; `style` goes to the line, so that laws
+    can share the axes.
+    """
     return _draw_over_time(metrics, metrics.contour, ax, **{"label": metrics.law, **style})
 
 
 def tracking_error(metrics: Metrics, ax: Axes | None = None, **style: Any) -> Axes:
-    """How far the motion is from where the plan has it at that time; `style` as in `contour_error`."""
+    """How far the motion is from where the plan has it at that time; `style` as in
+    `contour_error`.
+    """
     return _draw_over_time(metrics, metrics.tracking, ax, **{"label": metrics.law, **style})
 
 
@@ -32,7 +38,9 @@ def following_error(metrics: Metrics, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax)
     same = [series for series in metrics.following if series.unit == metrics.following[0].unit]
     for n, series in enumerate(same):
-        _draw_over_time(metrics, series, ax, label=literal_label(series.name), color=PALETTE[n % len(PALETTE)])
+        _draw_over_time(
+            metrics, series, ax, label=literal_label(series.name), color=PALETTE[n % len(PALETTE)]
+        )
     ax.set_ylabel(f"following error ({_UNIT[same[0].unit][0]})")
     return ax
 
@@ -47,7 +55,9 @@ def draw_tracking(tracking: Tracking, ax: Axes | None = None) -> Axes:
         if other == own:
             error = tracking.actual[:, k] - tracking.reference[:, k]
             ax.plot(tracking.t, scale * error, label=literal_label(name), **line_style(k))
-    ax.set(xlabel="time (s)", ylabel=f"following error ({unit})", xlim=(tracking.t[0], tracking.t[-1]))
+    ax.set(
+        xlabel="time (s)", ylabel=f"following error ({unit})", xlim=(tracking.t[0], tracking.t[-1])
+    )
     ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     return ax
 
@@ -73,7 +83,9 @@ def pose_accuracy(accuracy: PoseAccuracy, ax: Axes | None = None) -> Axes:
 
 @draws(CircularTest)
 def circular_test(test: CircularTest, ax: Axes | None = None) -> Axes:
-    """Both turns about the programmed circle; their deviations are magnified by what the title says."""
+    """Both turns about the programmed circle; their deviations are magnified by what the title
+    says.
+    """
     ax = new_axes(ax)
     turns = {"counter-clockwise": test.ccw, "clockwise": test.cw}
     largest = max(float(np.abs(turn.deviation).max()) for turn in turns.values())
@@ -82,7 +94,13 @@ def circular_test(test: CircularTest, ax: Axes | None = None) -> Axes:
     tens = 10.0 ** np.floor(np.log10(wanted))
     magnified = tens * max(step for step in (1.0, 2.0, 5.0) if step * tens <= wanted)
     round_ = np.linspace(0, 2 * np.pi, 721)
-    ax.plot(*1e3 * _polar(round_, test.circle.radius), color="black", linewidth=0.8, linestyle=":", label="programmed")
+    ax.plot(
+        *1e3 * _polar(round_, test.circle.radius),
+        color="black",
+        linewidth=0.8,
+        linestyle=":",
+        label="programmed",
+    )
     for colour, (label, turn) in zip(PALETTE, turns.items(), strict=False):
         radius = test.circle.radius + magnified * turn.deviation
         ax.plot(*1e3 * _polar(turn.angle, radius), color=colour, linewidth=1.2, label=label)
@@ -108,5 +126,9 @@ def _draw_over_time(metrics: Metrics, series: ErrorSeries, ax: Axes | None, **st
     ax = new_axes(ax)
     unit, scale = _UNIT[series.unit]
     ax.plot(metrics.t, scale * series.value, **{"linewidth": 1.2, **style})
-    ax.set(xlabel="time (s)", ylabel=f"{series.name} error ({unit})", xlim=(metrics.t[0], metrics.t[-1]))
+    ax.set(
+        xlabel="time (s)",
+        ylabel=f"{series.name} error ({unit})",
+        xlim=(metrics.t[0], metrics.t[-1]),
+    )
     return ax

@@ -1,4 +1,5 @@
-"""References from files: positions of axes over time, and their speeds where the file has them; CSV.
+"""References from files: positions of axes over time, and their speeds where the file has them;
+CSV.
 
     time [s], yaw [deg], shoulder [deg], yaw speed [deg/s]
     0, 0, 0, 0
@@ -69,7 +70,9 @@ class Recorded:
         return self.t
 
     def at(self, t: Array, /) -> MotionSample:
-        """Return the motion at instants (M,) in s; it rests before the first and after the last sample."""
+        """Return the motion at instants (M,) in s; it rests before the first and after the last
+        sample.
+        """
         instants = np.atleast_1d(np.asarray(t, float))
         inside = np.clip(instants, 0.0, self.duration)
         k = np.clip(np.searchsorted(self.t, inside, side="right") - 1, 0, len(self.t) - 2)
@@ -91,7 +94,9 @@ class Recorded:
 
 
 class Column(NamedTuple):
-    """A column of the file: whose axis (its place, −1 of the time), which quantity, and the SI value of its unit."""
+    """A column of the file: whose axis (its place, −1 of the time), which quantity, and the SI
+    value of its unit.
+    """
 
     axis: int
     quantity: Literal["time", "position", "speed"]
@@ -119,7 +124,9 @@ def read_reference(path: Path, axes: Sequence[Axis], home: Array) -> Recorded:
 
     rows = np.array([*_read_rows(lines[1:], columns, delimiter, faults)]).reshape(-1, len(columns))
     if not faults and len(rows) < 2:
-        faults.append(Fault("", f"{len(rows)} rows below the header: a motion has at least 2", number))
+        faults.append(
+            Fault("", f"{len(rows)} rows below the header: a motion has at least 2", number)
+        )
     if faults:
         raise FileError(str(path), faults)
     rows = rows * [column.unit for column in columns]
@@ -141,7 +148,9 @@ def read_reference(path: Path, axes: Sequence[Axis], home: Array) -> Recorded:
 
 
 def estimate_speed(t: Array, x: Array) -> Array:
-    """Return the slopes (N,) of the parabolas through each sample and its neighbours; at the ends those of theirs."""
+    """Return the slopes (N,) of the parabolas through each sample and its neighbours; at the ends
+    those of theirs.
+    """
     if len(t) == 2:
         return np.full(2, (x[1] - x[0]) / (t[1] - t[0]))
     return np.asarray(np.gradient(x, t, edge_order=2))
@@ -160,12 +169,18 @@ def _example(axes: Sequence[Axis]) -> str:
     return f'"time [s], {axes[0].name} [{unit}], {axes[0].name} speed [{unit}/s]"'
 
 
-def _read_header(cells: Sequence[str], axes: Sequence[Axis], line: int, faults: list[Fault]) -> Iterator[Column]:
+def _read_header(
+    cells: Sequence[str], axes: Sequence[Axis], line: int, faults: list[Fault]
+) -> Iterator[Column]:
     """Yield the columns of a header line and append its errors to `faults`."""
     places = {axis.name.lower(): k for k, axis in enumerate(axes)}
     names = {TIME: (-1, TIME)}
     for name, k in places.items():
-        names |= {name: (k, POSITION), f"{name} {POSITION}": (k, POSITION), f"{name} {SPEED}": (k, SPEED)}
+        names |= {
+            name: (k, POSITION),
+            f"{name} {POSITION}": (k, POSITION),
+            f"{name} {SPEED}": (k, SPEED),
+        }
     if len(axes) == 1:
         names |= {POSITION: (0, POSITION), SPEED: (0, SPEED)}
     known: set[tuple[int, str]] = set()
@@ -193,9 +208,17 @@ def _read_header(cells: Sequence[str], axes: Sequence[Axis], line: int, faults: 
         faults.append(Fault("", f"no column {TIME}: write e.g. {_example(axes)}", line))
     moved = {k for k, quantity in known if quantity == POSITION}
     if not moved and not faults:
-        faults.append(Fault("", f"no column with the position of an axis: write e.g. {_example(axes)}", line))
+        faults.append(
+            Fault("", f"no column with the position of an axis: write e.g. {_example(axes)}", line)
+        )
     for k in sorted({k for k, quantity in known if quantity == SPEED} - moved):
-        faults.append(Fault("", f"column {axes[k].name} speed without {axes[k].name}: give its position too", line))
+        faults.append(
+            Fault(
+                "",
+                f"column {axes[k].name} speed without {axes[k].name}: give its position too",
+                line,
+            )
+        )
 
 
 def _usual(unit: str) -> str:
@@ -222,7 +245,9 @@ def _read_rows(
             except ValueError:
                 value = np.nan
             if not np.isfinite(value) or not cell.isascii() or "_" in cell:
-                message = f"column {column.name}: {describe_value(cell.strip())} is not a finite number"
+                message = (
+                    f"column {column.name}: {describe_value(cell.strip())} is not a finite number"
+                )
                 faults.append(Fault("", message, number, cell.strip()))
             values.append(value)
         yield values
@@ -239,7 +264,9 @@ def _check_times(t: Array, lines: Sequence[int]) -> Iterator[Fault]:
     stuck = np.flatnonzero(~(np.diff(t) > 0))
     if len(stuck):
         k = int(stuck[0]) + 1
-        yield Fault("", f"time {t[k]:.9g} s does not rise from {t[k - 1]:.9g} s in the row before", lines[k])
+        yield Fault(
+            "", f"time {t[k]:.9g} s does not rise from {t[k - 1]:.9g} s in the row before", lines[k]
+        )
     if np.abs(t).max() > MAX_SECONDS:
         k = int(np.abs(t).argmax())
         yield Fault("", f"time {t[k]:.6g} s is beyond {MAX_SECONDS:g} s: check its unit", lines[k])

@@ -1,8 +1,9 @@
-"""A rig: a machine, the drives behind its axes, the card that pulses them, the host that commands, and its tasks.
+"""A rig: a machine, the drives behind its axes, the card that pulses them, the host that commands,
+and its tasks.
 
-Of the host: when it begins its steps, what it reads a speed from, and how it ends. A task is a motion and how often the
-host commands: a path run by one classical profile of a stated duration, sines of single axes, or positions over time
-from a file (controllers.reference_file).
+Of the host: when it begins its steps, what it reads a speed from, and how it ends. A task is a
+motion and how often the host commands: a path run by one classical profile of a stated duration,
+sines of single axes, or positions over time from a file (controllers.reference_file).
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ Timer = Literal["counter", "sleep"]
 class Task:
     """A motion to be tracked.
 
-    motion  axis positions over time; where it is a `Trajectory` on a machine's path, errors in space are known too
+    motion  axis positions over time; where it is a `Trajectory` on a machine's path, errors in
+            space are known too
     dt      s between the host's commands
     """
 
@@ -47,7 +49,8 @@ class Task:
 
 
 def time_path(path: MachinePath, shape: str, share: float, duration: float) -> Trajectory:
-    """The path within `duration` seconds: between two stops one profile, its time in proportion to its length.
+    """The path within `duration` seconds: between two stops one profile, its time in proportion to
+    its length.
 
     share  of the time of each profile that a ramp lasts, up to 1/2
     No limit of the machine is looked at: the rig is told when to be where, as by [Sahbaz 2007].
@@ -56,21 +59,31 @@ def time_path(path: MachinePath, shape: str, share: float, duration: float) -> T
     from planner.timing.profile import Profile
 
     if not 0 < share <= 0.5:
-        raise MotionError(f"a ramp of {share * duration:g} s does not fit twice into {duration:g} s; shorten it")
+        raise MotionError(
+            f"a ramp of {share * duration:g} s does not fit twice into {duration:g} s; shorten it"
+        )
     if path.dwells.any():
-        raise MotionError("a task's program has no dwells: its profile runs from end to end; omit them")
+        raise MotionError(
+            "a task's program has no dwells: its profile runs from end to end; omit them"
+        )
     unit = {"quarter-sine": quarter_sine, "trapezoid": trapezoid}[shape](share)
     stops = np.flatnonzero(path.stops(2))
     profiles = []
     for a, b in pairwise(stops.tolist()):
         breaks = path.breaks[a : b + 1]
-        profiles.append(unit.stretch(breaks, a, duration * float(breaks[-1] - breaks[0]) / float(path.breaks[-1])))
+        profiles.append(
+            unit.stretch(
+                breaks, a, duration * float(breaks[-1] - breaks[0]) / float(path.breaks[-1])
+            )
+        )
     return Profile.joined(profiles).along(path)
 
 
 @dataclass(frozen=True, slots=True)
 class MotionSample:
-    """q, q̇, q̈, q⃛ (N, n) of axes, and the parameter s (N,) of their motion: the angle of a sine, or the time."""
+    """q, q̇, q̈, q⃛ (N, n) of axes, and the parameter s (N,) of their motion: the angle of a sine,
+    or the time.
+    """
 
     s: Array
     q: Array
@@ -81,7 +94,8 @@ class MotionSample:
 
 @dataclass(frozen=True, slots=True)
 class Sine:
-    """q = home + A sin(ω t) for `duration` seconds, at rest before and after: it starts at speed A ω at once.
+    """q = home + A sin(ω t) for `duration` seconds, at rest before and after: it starts at speed A
+    ω at once.
 
     home, amplitude  (n,) rad or m;  omega  rad/s
     """
@@ -106,7 +120,12 @@ class Sine:
         q, qd, qdd, qddd = (
             np.multiply.outer(of, a * self.omega**n)
             for n, of in enumerate(
-                (np.sin(angle), moving * np.cos(angle), -moving * np.sin(angle), -moving * np.cos(angle))
+                (
+                    np.sin(angle),
+                    moving * np.cos(angle),
+                    -moving * np.sin(angle),
+                    -moving * np.cos(angle),
+                )
             )
         )
         return MotionSample(angle, self.home + q, qd, qdd, qddd)
@@ -116,17 +135,20 @@ class Sine:
 class Host:
     """How the host waits until its next step, what it reads, and how it ends.
 
-    timer         "counter": the host polls the card's counter, so step k begins at k·dt, unless the law requires
-                  "sleep". "sleep": for every law, the host calls sleep(dt) of the operating system and continues at the
-                  first tick of the system's timer after dt, plus the jitter. Delays accumulate.
+    timer         "counter": the host polls the card's counter, so step k begins at k·dt, unless the
+                  law requires "sleep". "sleep": for every law, the host calls sleep(dt) of the
+                  operating system and continues at the first tick of the system's timer after dt,
+                  plus the jitter. Delays accumulate.
     granularity   period of the system's timer, s; its phase is random. 0: a timer without ticks
     jitter        largest delay of each waking, s; delays are uniformly distributed from 0
     seed          seed of the random numbers
-    speed_from    source of the speed v(k − 1) in a law's feedback: "encoder", the change of the encoders over the last
-                  step; "card", the output rate of the card at its end, see `Card.current_speed`. The program of
-                  [Sahbaz 2007, Appendix E] reads the rate (`GetCurrentSpeed`)
-    closing_stop  duration of the decelerated stop that is sent at the last sample, s; 0.001 in the same program
-                  (`SDStop` in its last routine). None: the law continues, so that it may settle
+    speed_from    source of the speed v(k − 1) in a law's feedback: "encoder", the change of the
+                  encoders over the last step; "card", the output rate of the card at its end, see
+                  `Card.current_speed`. The program of [Sahbaz 2007, Appendix E] reads the rate
+                  (`GetCurrentSpeed`)
+    closing_stop  duration of the decelerated stop that is sent at the last sample, s; 0.001 in the
+                  same program (`SDStop` in its last routine). None: the law continues, so that it
+                  may settle
     """
 
     timer: Timer = "counter"
@@ -153,9 +175,11 @@ class Host:
 
 
 def instants(hosts: Sequence[Host], asked: Timer, dt: float, steps: int) -> Array:
-    """s at which steps 0 … steps begin under a law that asks for a timer, (steps + 1, B); by each host's own seed.
+    """s at which steps 0 … steps begin under a law that asks for a timer, (steps + 1, B); by each
+    host's own seed.
 
-    counter: t(k) = k dt.  sleep, of ticks g apart with phase φ: t(k+1) = φ + g ⌈(t(k) + dt − φ)/g⌉ + jitter · u(k),
+    counter: t(k) = k dt.  sleep, of ticks g apart with phase φ: t(k+1) = φ + g ⌈(t(k) + dt − φ)/g⌉
+                           + jitter · u(k),
     u even in [0, 1); the work of a step takes no time.
     """
     out = np.empty((steps + 1, len(hosts)))
@@ -202,7 +226,9 @@ class Rig:
                 object.__setattr__(self, name, tuple(given))
         check_fields(self, "machine")
         if not hasattr(self.machine, "axes"):
-            raise MotionError(f"rig: machine is {self.machine!r:.60}; expected a machine, as load_machine gives it")
+            raise MotionError(
+                f"rig: machine is {self.machine!r:.60}; expected a machine, as load_machine gives it"
+            )
         if len(self.drives) != len(self.machine.axes):
             raise MotionError(
                 f"rig: {count_noun(len(self.drives), 'drive')} for the "
@@ -222,16 +248,22 @@ class Rig:
         known = {task.name: task for task in self.tasks}
         if name not in known:
             told = ", ".join(known) or "none"
-            raise MotionError(f'rig {self.name} has no task "{name}"{nearest(name, known)}; tasks: {told}')
+            raise MotionError(
+                f'rig {self.name} has no task "{name}"{nearest(name, known)}; tasks: {told}'
+            )
         return known[name]
 
 
 def assumed_rig(machine: Machine) -> Rig:
-    """Return a rig with `leg_servo` on every axis: an assumption, for callers that ask for it by this name."""
+    """Return a rig with `leg_servo` on every axis: an assumption, for callers that ask for it by
+    this name.
+    """
     return Rig(machine, tuple(leg_servo(axis) for axis in machine.axes), name="assumed servos")
 
 
 def disturb_rig(rig: Rig, *, inertia: float = 1.0, friction: float = 1.0) -> Rig:
-    """The same rig with other true inertias and frictions (factors), which its drives know nothing of."""
+    """The same rig with other true inertias and frictions (factors), which its drives know nothing
+    of.
+    """
 
     return replace(rig, drives=tuple(drive.disturb(inertia, friction) for drive in rig.drives))

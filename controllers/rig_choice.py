@@ -15,42 +15,53 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import load_machine
 
 MAX_PULSE_MISMATCH = 0.05
-"""By what share a machine's pulse may differ from that of a rig's own machine: calibration changes it by some per cent,
-another screw or other steps by much more."""
+"""By what share a machine's pulse may differ from that of a rig's own machine: calibration changes
+it by some per cent, another screw or other steps by much more.
+"""
 WRITE_REMEDY = 'write a rig file for it, as the guide "Choose gains on a rig" shows'
 
 
 def choose_rig(machine: Machine, rig: Rig | str | PathLike[str] | None) -> Rig:
-    """The rig that is given, by itself, its name or its file, behind this machine; else the bundled one that fits it.
+    """The rig that is given, by itself, its name or its file, behind this machine; else the bundled
+    one that fits it.
 
-    Raises MotionError where the given one does not fit, and where none is given and not exactly one bundled rig fits:
-    drives that nobody stated are never made up.
+    Raises MotionError where the given one does not fit, and where none is given and not exactly one
+    bundled rig fits: drives that nobody stated are never made up.
     """
     if rig is not None:
         return fit_rig(rig if isinstance(rig, Rig) else load_rig(rig), machine)
     fitting = fitting_rigs(machine)
     if len(fitting) != 1:
-        raise MotionError(f"no rig is given, so the drives of {machine.name} are not known: {rig_hint(machine)}")
+        raise MotionError(
+            f"no rig is given, so the drives of {machine.name} are not known: {rig_hint(machine)}"
+        )
     return fit_rig(load_rig(fitting[0]), machine)
 
 
 def fit_rig(rig: Rig, machine: Machine) -> Rig:
     """The rig with this machine in place of its own, and without its tasks if that is another.
 
-    It fits a machine of the same kind, whose axes have the same names and kinds, and pulses of the same length to 5 %:
-    so a calibrated machine, or one with other limits. Raises MotionError with what differs first.
+    It fits a machine of the same kind, whose axes have the same names and kinds, and pulses of the
+    same length to 5 %: so a calibrated machine, or one with other limits. Raises MotionError with
+    what differs first.
     """
     if rig.machine is machine:
         return rig
     differs = next(_differences(rig.machine, machine), None)
     if differs is not None:
-        raise MotionError(f"rig {rig.name} does not fit {machine.name}: {differs}; {rig_hint(machine)}")
+        raise MotionError(
+            f"rig {rig.name} does not fit {machine.name}: {differs}; {rig_hint(machine)}"
+        )
     return replace(rig, machine=machine, tasks=())
 
 
 def fitting_rigs(machine: Machine) -> tuple[str, ...]:
     """Names of the bundled rigs that fit a machine."""
-    return tuple(name for name, own in _list_bundled() if _kind(own) == _kind(machine) and _fits(own, machine))
+    return tuple(
+        name
+        for name, own in _list_bundled()
+        if _kind(own) == _kind(machine) and _fits(own, machine)
+    )
 
 
 def rig_hint(machine: Machine) -> str:
@@ -71,7 +82,11 @@ def _list_bundled() -> Iterator[tuple[str, str]]:
 def _kind(machine: Machine | str) -> str:
     """From the file of a bundled machine alone, since some cannot be loaded everywhere."""
     if isinstance(machine, str):
-        return str(tomllib.loads(find("kinematics", "machine", machine).read_text(encoding="utf-8"))["kind"])
+        return str(
+            tomllib.loads(find("kinematics", "machine", machine).read_text(encoding="utf-8"))[
+                "kind"
+            ]
+        )
     return type(machine).__name__.lower()
 
 

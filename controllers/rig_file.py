@@ -36,15 +36,20 @@ _Stated = list[tuple[int, PathTask | SineTask | FileTask]]
 
 
 def read_rig(source: Path | Traversable) -> Rig:
-    """The rig that a file describes, named after the file. Raises FileError with every fault of the file."""
+    """The rig that a file describes, named after the file.
+
+    Raises FileError with every fault of the file.
+    """
     return validate_rig_file(source)()
 
 
 def validate_rig_file(source: Path | Traversable) -> Callable[[], Rig]:
-    """What makes the rig that a file describes; making it, with its machine and tasks, takes many times as long.
+    """What makes the rig that a file describes; making it, with its machine and tasks, takes many
+    times as long.
 
-    Raises FileError with every fault that the file shows, and those that it names: of a machine its axes. What only the
-    machine shows, such as a task that it cannot run, is raised as the rig is made.
+    Raises FileError with every fault that the file shows, and those that it names: of a machine its
+    axes. What only the machine shows, such as a task that it cannot run, is raised as the rig is
+    made.
     """
     document = read(source)
     folder = source.parent if isinstance(source, Path) else None
@@ -61,7 +66,9 @@ def validate_rig_file(source: Path | Traversable) -> Callable[[], Rig]:
             partial(_find_drive_faults, Path(str(stated)).stem, axes, unread),
         )
     except FileError as error:
-        raise FileError(document.file, sorted((*error.faults, *faults), key=lambda fault: fault.line or 0)) from None
+        raise FileError(
+            document.file, sorted((*error.faults, *faults), key=lambda fault: fault.line or 0)
+        ) from None
     try:
         host = Host(**model.host.model_dump())
         card = model.card.card if isinstance(model.card, CardTable) else CARDS[model.card]
@@ -102,8 +109,12 @@ def _read_axes(stated: object, folder: Path | None) -> tuple[tuple[Axis, ...], M
         return (), error
 
 
-def _read_tasks(document: Document, axes: Sequence[Axis], folder: Path | None) -> tuple[_Stated, list[Fault]]:
-    """The tasks, and what they name that is not there; a table that fits no schema is left to that."""
+def _read_tasks(
+    document: Document, axes: Sequence[Axis], folder: Path | None
+) -> tuple[_Stated, list[Fault]]:
+    """The tasks, and what they name that is not there; a table that fits no schema is left to
+    that.
+    """
     tasks, faults = _Stated(), list[Fault]()
     tables = document.data.get("task", ())
     for n, table in enumerate(tables if axes and isinstance(tables, tuple) else ()):
@@ -134,7 +145,9 @@ def _make_drive(model: RigFile, axis: Axis) -> Drive:
 
 
 def _kind(stated: Any, own: Any) -> str:
-    """The kind of an axis' drive, from the keys of the file and of its own table; empty where they do not say."""
+    """The kind of an axis' drive, from the keys of the file and of its own table; empty where they
+    do not say.
+    """
     kinds = [kind for kind in KINDS if kind in own] or [kind for kind in KINDS if kind in stated]
     return kinds[0] if len(kinds) == 1 else ""
 
@@ -142,7 +155,8 @@ def _kind(stated: Any, own: Any) -> str:
 def _find_drive_faults(
     machine: str, axes: Sequence[Axis], unread: MotionError | None, data: Mapping[str, Any]
 ) -> Iterator[tuple[Key, str | MotionError]]:
-    """Axes that the machine does not have, and whatever is missing for a drive behind each that it has.
+    """Axes that the machine does not have, and whatever is missing for a drive behind each that it
+    has.
 
     unread  why its axes are not known
     """
@@ -160,7 +174,10 @@ def _find_drive_faults(
     for name, (at, _) in entries.items():
         if name not in names:
             told = f"{describe_value(name)} is no axis of {machine}{nearest(name, names)}; axes: {', '.join(names)}"
-            yield (*at, "name"), BadValue(told, allowed=", ".join(names), nearest=closest(name, names))
+            yield (
+                (*at, "name"),
+                BadValue(told, allowed=", ".join(names), nearest=closest(name, names)),
+            )
     missing = set()
     undriven: dict[Key, list[str]] = {}
     other_way: dict[tuple[Key, str], list[str]] = {}
@@ -168,18 +185,30 @@ def _find_drive_faults(
         at, own = entries.get(axis.name, ((), {}))
         kind = _kind(data, own)
         if not kind:
-            both = [key for key in KINDS if key in (own if any(key in own for key in KINDS) else data)]
+            both = [
+                key for key in KINDS if key in (own if any(key in own for key in KINDS) else data)
+            ]
             undriven.setdefault((*at, *both[1:2]), []).append(axis.name)
             continue
-        given = {key for table in (data.get(kind), own.get(kind)) if isinstance(table, dict) for key in table}
+        given = {
+            key
+            for table in (data.get(kind), own.get(kind))
+            if isinstance(table, dict)
+            for key in table
+        }
         place: Key = (*at, kind) if kind in own else (kind,)
-        wanted, other = TRANSMISSION[axis.kind], next(v for k, v in TRANSMISSION.items() if k != axis.kind)
+        wanted, other = (
+            TRANSMISSION[axis.kind],
+            next(v for k, v in TRANSMISSION.items() if k != axis.kind),
+        )
         for name in (*KINDS[kind].needed, wanted):
             if name not in given and (place, name) not in missing:
                 missing.add((place, name))
                 yield (*place, name), f"missing: {_example(kind, name)}"
         if other in given:
-            other_way.setdefault(((*place, other), f"{axis.kind}: give a {wanted} instead"), []).append(axis.name)
+            other_way.setdefault(
+                ((*place, other), f"{axis.kind}: give a {wanted} instead"), []
+            ).append(axis.name)
     for at, of in undriven.items():
         many = f"{_describe_axes(of)} need{'s' if len(of) == 1 else ''} one drive, [{'] or ['.join(KINDS)}]"
         yield at, f"{many}: {'both are stated' if at and at[-1] in KINDS else 'neither is stated'}"

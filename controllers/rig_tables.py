@@ -33,8 +33,12 @@ class TaskRate(TableSchema):
     """How often the host commands: every `step`, or so that there are `samples`."""
 
     name: Annotated[str, AfterValidator(_require_name)] = key("name of the task")
-    step: Annotated[float, Unit("s", above=0, like="125 ms")] | None = key("sampling time of the host", default=None)
-    samples: Annotated[int, Field(ge=2)] | None = key("number of samples of the host, both ends included", default=None)
+    step: Annotated[float, Unit("s", above=0, like="125 ms")] | None = key(
+        "sampling time of the host", default=None
+    )
+    samples: Annotated[int, Field(ge=2)] | None = key(
+        "number of samples of the host, both ends included", default=None
+    )
 
     @model_validator(mode="after")
     def _one_rate(self) -> Self:
@@ -64,18 +68,26 @@ def _locate_program() -> Iterator[None]:
     try:
         yield
     except MotionError as error:
-        raise BadValue(str(error), nearest=getattr(error, "nearest", ""), key=("program",)) from error
+        raise BadValue(
+            str(error), nearest=getattr(error, "nearest", ""), key=("program",)
+        ) from error
 
 
 class PathTask(TaskTiming):
     """A program's path, run by one profile from end to end."""
 
     program: str = key("name of a bundled program, or path of its file")
-    profile: Literal["quarter-sine", "trapezoid"] = key("profile of the speed along the path", default="quarter-sine")
-    ramp: Annotated[float, Unit("s", above=0, like="1 s")] = key("duration of acceleration, and of deceleration")
+    profile: Literal["quarter-sine", "trapezoid"] = key(
+        "profile of the speed along the path", default="quarter-sine"
+    )
+    ramp: Annotated[float, Unit("s", above=0, like="1 s")] = key(
+        "duration of acceleration, and of deceleration"
+    )
 
     def refuse_unknown(self, axes: Sequence[Axis], folder: Path | None) -> None:
-        """Raise BadValue for a program that is not there, or whose file shows a fault; a bundled one's shows none."""
+        """Raise BadValue for a program that is not there, or whose file shows a fault; a bundled
+        one's shows none.
+        """
         with _locate_program():
             program = resolve_path(folder, self.program)
             find("planner", "program", program)
@@ -90,7 +102,11 @@ class PathTask(TaskTiming):
 
         with _locate_program():
             path = actuate(load_program(resolve_path(folder, self.program)), machine)
-        return Task(self.name, time_path(path, self.profile, self.ramp / self.duration, self.duration), self.dt)
+        return Task(
+            self.name,
+            time_path(path, self.profile, self.ramp / self.duration, self.duration),
+            self.dt,
+        )
 
 
 class SineTable(TableSchema):
@@ -122,18 +138,26 @@ class SineTask(TaskTiming):
                 )
 
     def make_task(self, machine: Machine, folder: Path | None) -> Task:
-        amplitude = freeze_array([self.sine.amplitude * (axis.name in self.sine.axes) for axis in machine.axes], float)
+        amplitude = freeze_array(
+            [self.sine.amplitude * (axis.name in self.sine.axes) for axis in machine.axes], float
+        )
         omega = 6.283185307179586 / self.sine.period
         return Task(self.name, Sine(machine.home_q, amplitude, omega, self.duration), self.dt)
 
 
 class FileTask(TaskRate):
-    """Positions of axes over time, from a CSV file (`controllers.reference_file`); it lasts as long as its times."""
+    """Positions of axes over time, from a CSV file (`controllers.reference_file`); it lasts as long
+    as its times.
+    """
 
-    reference: str = key('path of a CSV file: "time [s], yaw [deg]", and "yaw speed [deg/s]" if known')
+    reference: str = key(
+        'path of a CSV file: "time [s], yaw [deg]", and "yaw speed [deg/s]" if known'
+    )
 
     def refuse_unknown(self, axes: Sequence[Axis], folder: Path | None) -> None:
-        """Raise MotionError for a file that is not there or has faults, or lacks an axis by its name."""
+        """Raise MotionError for a file that is not there or has faults, or lacks an axis by its
+        name.
+        """
         self._read(axes, np.zeros(len(axes)), folder)
 
     def make_task(self, machine: Machine, folder: Path | None) -> Task:
@@ -164,7 +188,9 @@ CARDS = {card.name: card for card in (PCI_8132, PCI_8164)}
 def _card(name: str) -> str:
     if name not in CARDS:
         told = f"{describe_value(name)} is not a known card{nearest(name, CARDS)}; cards: {', '.join(CARDS)}"
-        raise validation_error(BadValue(told, allowed=", ".join(CARDS), nearest=closest(name, CARDS)))
+        raise validation_error(
+            BadValue(told, allowed=", ".join(CARDS), nearest=closest(name, CARDS))
+        )
     return name
 
 
@@ -186,7 +212,9 @@ class CardTable(TableSchema):
         return replace(CARDS[self.model], **self.model_dump(exclude={"model"}))
 
 
-CardEntry = Annotated[CardName | CardTable, Chosen(lambda value: CardTable if isinstance(value, dict) else CardName)]
+CardEntry = Annotated[
+    CardName | CardTable, Chosen(lambda value: CardTable if isinstance(value, dict) else CardName)
+]
 
 
 class HostTable(TableSchema):
@@ -201,7 +229,9 @@ class HostTable(TableSchema):
 
 
 class RigAxisTable(TableSchema):
-    """What one axis has of its own: its kind of drive, and how that differs from all of its kind."""
+    """What one axis has of its own: its kind of drive, and how that differs from all of its
+    kind.
+    """
 
     name: str
     servo: ServoTable | None = None

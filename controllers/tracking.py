@@ -1,4 +1,5 @@
-"""One machine's axes under tracking laws along a plan: what each was to do, was told to do, and did.
+"""One machine's axes under tracking laws along a plan: what each was to do, was told to do, and
+did.
 
 Laws run beside each other: a batch in which each run has a law of its own.
 """
@@ -13,7 +14,15 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from controllers.card import Command
-from controllers.laws.law import AnyLaw, Feedback, Memory, Reference, StatefulLaw, begin_law, step_law
+from controllers.laws.law import (
+    AnyLaw,
+    Feedback,
+    Memory,
+    Reference,
+    StatefulLaw,
+    begin_law,
+    step_law,
+)
 from controllers.laws.registry import find_law
 from controllers.rig import Rig, Timer
 from controllers.rig_choice import choose_rig
@@ -35,13 +44,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SideBySide:
-    """Run b of B is commanded by the b-th law. Their hosts keep time alike, and they send the same kind of command."""
+    """Run b of B is commanded by the b-th law.
+
+    Their hosts keep time alike, and they send the same kind of command.
+    """
 
     laws: tuple[AnyLaw, ...]
 
     def __post_init__(self) -> None:
         if len({law.host for law in self.laws}) != 1:
-            raise MotionError(f"laws {self.name} need hosts of different timing: run them separately")
+            raise MotionError(
+                f"laws {self.name} need hosts of different timing: run them separately"
+            )
 
     @property
     def host(self) -> Timer:
@@ -77,7 +91,10 @@ class SideBySide:
         if any(type(command) is not kind for command in commands):
             raise MotionError(f"laws {self.name} send different commands: run them separately")
         own: Command = kind(
-            *(self._own([getattr(command, of.name) for command in commands], lanes) for of in fields(kind))
+            *(
+                self._own([getattr(command, of.name) for command in commands], lanes)
+                for of in fields(kind)
+            )
         )
         return own
 
@@ -85,7 +102,9 @@ class SideBySide:
         """Of one value of every law's command, each run's own."""
         if all(isinstance(value, float) for value in values):
             if len(set(values)) != 1:
-                raise MotionError(f"laws {self.name} send ramps of different times: run them separately")
+                raise MotionError(
+                    f"laws {self.name} send ramps of different times: run them separately"
+                )
             return values[0]
         own = np.empty(lanes)
         for b, value in enumerate(values):
@@ -94,7 +113,9 @@ class SideBySide:
 
 
 class HasTrajectory(Protocol):
-    """A plan: it holds its motion, and where its axes have input shapers, as `shaped`, the one behind them."""
+    """A plan: it holds its motion, and where its axes have input shapers, as `shaped`, the one
+    behind them.
+    """
 
     @property
     def trajectory(self) -> AxesMotion: ...
@@ -102,7 +123,8 @@ class HasTrajectory(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Tracking(Result):
-    """Axis motion under a tracking law: times and axis values at (some of) the drive's samples, settling included.
+    """Axis motion under a tracking law: times and axis values at (some of) the drive's samples,
+    settling included.
 
     t          (N,) s
     reference, command, actual  (N, n) q in m or rad: planned, as pulsed by the card, and true
@@ -150,16 +172,24 @@ class Tracking(Result):
         columns = (
             Column(f"{name} {what}", values[:, k], unit)
             for k, (name, unit) in enumerate(self.axes)
-            for what, values in (("reference", self.reference), ("command", self.command), ("actual", self.actual))
+            for what, values in (
+                ("reference", self.reference),
+                ("command", self.command),
+                ("actual", self.actual),
+            )
         )
         return Table(f"tracking under {self.law}", (Column("t", self.t, "s"), *columns))
 
 
 def motion_of(plan: AxesMotion | HasTrajectory) -> AxesMotion:
-    """The motion that a plan holds, behind its input shapers if there are any, or that is given as it is."""
+    """The motion that a plan holds, behind its input shapers if there are any, or that is given as
+    it is.
+    """
     motion = plan.trajectory if hasattr(plan, "trajectory") else plan
     if not hasattr(motion, "duration"):
-        raise MotionError(f"a plan or its trajectory is needed, not {plan!r:.80}; plan(program, machine) makes one")
+        raise MotionError(
+            f"a plan or its trajectory is needed, not {plan!r:.80}; plan(program, machine) makes one"
+        )
     shaped: ShapedProof | None = getattr(plan, "shaped", None)
     return motion if shaped is None else shaped.motion
 
@@ -187,8 +217,10 @@ def track(
     law
         The tracking law, or its number or name, with its usual gains.
     rig
-        Drives, card and host behind the machine's axes: a `Rig`, or the name or file of one. None: the one bundled rig
-        that fits the machine (`Tracking.rig` names it); nothing is assumed of a machine that none fits.
+        Drives, card and host behind the machine's axes: a `Rig`, or the name or file of one. None:
+        the one bundled rig
+        that fits the machine (`Tracking.rig` names it); nothing is assumed of a machine that none
+        fits.
     dt
         s between two commands of the host.
     settle
@@ -208,11 +240,19 @@ def track(
     MotionError
         The rig does not fit the machine, or none is given and not exactly one fits.
     """
-    machine = load_machine(machine) if isinstance(machine, str | PathLike) or not hasattr(machine, "axes") else machine
+    machine = (
+        load_machine(machine)
+        if isinstance(machine, str | PathLike) or not hasattr(machine, "axes")
+        else machine
+    )
     law = find_law(law) if isinstance(law, str) else law
     if isinstance(law, type) or not (isinstance(law, StatefulLaw) or hasattr(law, "command")):
-        raise MotionError(f"track: a law is needed, or its number or name as a text, not {law!r:.80}")
-    return _track_lanes(plan, machine, law, [law], rig=rig, dt=dt, settle=settle, period=period, progress=progress)[0]
+        raise MotionError(
+            f"track: a law is needed, or its number or name as a text, not {law!r:.80}"
+        )
+    return _track_lanes(
+        plan, machine, law, [law], rig=rig, dt=dt, settle=settle, period=period, progress=progress
+    )[0]
 
 
 def track_each(
@@ -223,10 +263,20 @@ def track_each(
     rig: Rig | str | PathLike[str] | None = None,
     period: float | None = None,
 ) -> tuple[Tracking, ...]:
-    """The same under each of several laws, in the time of one. Raises MotionError for laws that are no `SideBySide`."""
+    """The same under each of several laws, in the time of one.
+
+    Raises MotionError for laws that are no `SideBySide`.
+    """
     law = SideBySide(tuple(laws))
     return _track_lanes(
-        plan, load_machine(machine), law, laws, rig=rig, dt=HOST_STEP, settle=SETTLING_TIME, period=period
+        plan,
+        load_machine(machine),
+        law,
+        laws,
+        rig=rig,
+        dt=HOST_STEP,
+        settle=SETTLING_TIME,
+        period=period,
     )
 
 
@@ -246,9 +296,13 @@ def _track_lanes(
     motion = motion_of(plan)
     chosen = choose_rig(machine, rig)
     if not 0 < dt <= MAX_WAIT:
-        raise MotionError(f"track: dt {dt:g} s, the host's step, must be above 0, and at most {MAX_WAIT:g} s")
+        raise MotionError(
+            f"track: dt {dt:g} s, the host's step, must be above 0, and at most {MAX_WAIT:g} s"
+        )
     rigs = [chosen] * len(laws)
-    runs = simulate(sample(motion, machine, dt), law, rigs, settle=settle, period=period, progress=progress)
+    runs = simulate(
+        sample(motion, machine, dt), law, rigs, settle=settle, period=period, progress=progress
+    )
     pulse = np.array([axis.pulse for axis in machine.axes])
     planned = motion.at(np.minimum(runs.t, motion.duration)).q
     command, actual = (machine.home_q + of * pulse for of in (runs.command, runs.actual))

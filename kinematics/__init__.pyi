@@ -2,8 +2,15 @@ from .analysis.clearance import Disc as Disc
 from .analysis.dynamics import Forces as Forces, forces as forces
 from .analysis.forward import Forward as Forward
 from .analysis.margins import Margins as Margins
-from .analysis.platform_motion import motion_of_axes as motion_of_axes, motion_of_poses as motion_of_poses
-from .analysis.posture import Posture as Posture, posture_of_axes as posture_of_axes, posture_of_pose as posture_of_pose
+from .analysis.platform_motion import (
+    motion_of_axes as motion_of_axes,
+    motion_of_poses as motion_of_poses,
+)
+from .analysis.posture import (
+    Posture as Posture,
+    posture_of_axes as posture_of_axes,
+    posture_of_pose as posture_of_pose,
+)
 from .analysis.workspace import Workspace as Workspace, workspace as workspace
 from .calibration import (
     Calibration as Calibration,

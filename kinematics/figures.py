@@ -1,4 +1,6 @@
-"""Figures of this package's results: each draws on `ax`, or on a figure of its own, and returns the axes."""
+"""Figures of this package's results: each draws on `ax`, or on a figure of its own, and returns the
+axes.
+"""
 
 from __future__ import annotations
 
@@ -52,10 +54,12 @@ MIN_SHOWN_USE = 0.3
 
 @draws(Workspace)
 def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
-    """Where the machine can go: what is proved, every limit's border, and the largest box and sphere in there.
+    """Where the machine can go: what is proved, every limit's border, and the largest box and
+    sphere in there.
 
-    The end of reach, as far as the grid tells, is where no coordinates lead any further, whatever the limits.
-    A plane is drawn as a map, a volume as the body of its proved cells. Raises MotionError for a line.
+    The end of reach, as far as the grid tells, is where no coordinates lead any further, whatever
+    the limits. A plane is drawn as a map, a volume as the body of its proved cells. Raises
+    MotionError for a line.
     """
     free = [k for k in range(3) if len(workspace.nodes[k]) > 1]
     if len(free) < 2:
@@ -112,17 +116,24 @@ def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
 def _body(workspace: Workspace, ax: Axes3D | None) -> Axes3D:
     ax = new_axes_3d(ax, (7, 5.5))
     corners = np.meshgrid(*(1e3 * nodes for nodes in workspace.nodes), indexing="ij")
-    ax.voxels(*corners, workspace.proved, facecolor="#56B4E933", edgecolor="#56B4E933", linewidth=0.2)
+    ax.voxels(
+        *corners, workspace.proved, facecolor="#56B4E933", edgecolor="#56B4E933", linewidth=0.2
+    )
     if workspace.proved.any():
         box, sphere = workspace.largest_box(), workspace.largest_sphere()
         for start, end in _frame(box):
             ax.plot(*(1e3 * np.stack([start, end], 1)), color=BOX, linewidth=1.6)
         ax.plot([], [], [], color=BOX, label=_size(box, [0, 1, 2]))
-        turn, rise = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(-np.pi / 2, np.pi / 2, 13))
+        turn, rise = np.meshgrid(
+            np.linspace(0, 2 * np.pi, 25), np.linspace(-np.pi / 2, np.pi / 2, 13)
+        )
         ball = np.stack([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)])
         ball = 1e3 * (sphere.centre[:, None, None] + sphere.radius * ball)
         ax.plot_wireframe(
-            *ball, color=SPHERE, linewidth=0.6, label=f"largest sphere: radius {1e3 * sphere.radius:.1f} mm"
+            *ball,
+            color=SPHERE,
+            linewidth=0.6,
+            label=f"largest sphere: radius {1e3 * sphere.radius:.1f} mm",
         )
         ax.legend(loc="upper left", frameon=False, fontsize="small")
     label_space(ax)
@@ -148,7 +159,9 @@ def _title(workspace: Workspace, where: str) -> str:
 
 @draws(Budget)
 def position_error(budget: Budget, ax: Axes | None = None) -> Axes:
-    """√(trace Σ + |bias|²) of the position by source: along the poses, or as bars with the worst case for one pose."""
+    """√(trace Σ + |bias|²) of the position by source: along the poses, or as bars with the worst
+    case for one pose.
+    """
     ax = new_axes(ax, (7, 4))
     parts = (*budget.contributions, budget.total)
     if len(budget) > 1:
@@ -165,7 +178,12 @@ def position_error(budget: Budget, ax: Axes | None = None) -> Axes:
         ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     else:
         names = unique_labels(part.name for part in parts)
-        ax.barh(names, [1e6 * np.linalg.norm(part.worst[0, :3]) for part in parts], color="lightgrey", label="bound")
+        ax.barh(
+            names,
+            [1e6 * np.linalg.norm(part.worst[0, :3]) for part in parts],
+            color="lightgrey",
+            label="bound",
+        )
         ax.barh(names, [1e6 * _rms(part)[0] for part in parts], height=0.4, label="RMS")
         invert_y_axis(ax)
         ax.set(xlabel="position error (µm)")
@@ -187,16 +205,23 @@ def draw_forces(forces: Forces, ax: Axes | None = None, t: ArrayLike | None = No
 
 
 def force(forces: Forces, t: ArrayLike | None, ax: Axes | None = None) -> Axes:
-    """Force of every axis over time, with the least max_force of all as two dashed lines where it is near."""
+    """Force of every axis over time, with the least max_force of all as two dashed lines where it
+    is near.
+    """
     ax = new_axes(ax, (7, 4))
     when = np.arange(len(forces.force)) if t is None else np.asarray(t, float)
     for axis, row in zip(forces.machine.axes, forces.force.T, strict=True):
         ax.plot(when, row, label=literal_label(axis.name), linewidth=1.2)
-    limits, use = [axis.max_force for axis in forces.machine.axes if axis.max_force is not None], forces.use.max()
+    limits, use = (
+        [axis.max_force for axis in forces.machine.axes if axis.max_force is not None],
+        forces.use.max(),
+    )
     if use > MIN_SHOWN_USE:
         for sign in (1, -1):
             ax.axhline(sign * min(limits), color="grey", linestyle="--", linewidth=0.8)
-    units = {"force (N)" if axis.kind == "linear" else "torque (N m)" for axis in forces.machine.axes}
+    units = {
+        "force (N)" if axis.kind == "linear" else "torque (N m)" for axis in forces.machine.axes
+    }
     ax.set(xlabel="instant" if t is None else "time (s)", ylabel=", ".join(sorted(units)))
     ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     told = f", at most {100 * use:.0f} % of their limits" if limits else ""
@@ -227,7 +252,12 @@ def draw_home_pose(machine: Machine, ax: Axes | None = None) -> Axes:
     for row, (axis, scale) in enumerate(zip(machine.axes, scales, strict=True)):
         low, high = axis.travel
         endless = not np.isfinite(high)
-        ax.barh(row, 2 if endless else scale * (high - low), left=-1 if endless else scale * low, color=PALETTE[row])
+        ax.barh(
+            row,
+            2 if endless else scale * (high - low),
+            left=-1 if endless else scale * low,
+            color=PALETTE[row],
+        )
     named = [
         f"{literal_label(axis.name)} ({_AXIS_UNITS[axis.kind]}{'' if np.isfinite(axis.travel[1]) else ', unlimited'})"
         for axis in machine.axes
@@ -244,7 +274,10 @@ def _legs(machine: Legged, ax: Axes3D | None) -> Axes:
     base, platform = 1e3 * machine.base, 1e3 * machine.home.apply(machine.platform)
     for n, (axis, low, high) in enumerate(zip(machine.axes, base, platform, strict=True)):
         ax.plot(
-            *np.stack([low, high], 1), color=PALETTE[n % len(PALETTE)], linewidth=2.5, label=literal_label(axis.name)
+            *np.stack([low, high], 1),
+            color=PALETTE[n % len(PALETTE)],
+            linewidth=2.5,
+            label=literal_label(axis.name),
         )
     for joints in (base, platform):
         round_ = np.argsort(np.arctan2(*(joints - joints.mean(0))[:, 1::-1].T))
@@ -259,17 +292,23 @@ STAGE_COLOURS = {"before": "#D55E00", "after": "#0072B2", "leave-one-out": "#009
 """Colours that colour-blind readers tell apart [Okabe and Ito 2008]."""
 STAGE_MARKS = "osD"
 MIN_SHOWN_ERROR = 1e-3
-"""µm or µrad: what is smaller, down to no error at all, is drawn as this on the logarithmic scale."""
+"""µm or µrad: what is smaller, down to no error at all, is drawn as this on the logarithmic
+scale.
+"""
 _ERROR_UNIT = {"position": "µm", "rotation": "µrad", "axis": "µrad"}
 _NAME = {"position": "position", "rotation": "rotation", "axis": "direction of the z axis"}
 
 
 MAX_NAMED_POSES, MAX_NUMBERED_POSES = 12, 32
-"""Up to so many poses have their names below the axis; of more, so many at most have their numbers."""
+"""Up to so many poses have their names below the axis; of more, so many at most have their
+numbers.
+"""
 
 
 @draws(Calibration)
-def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str = "position") -> Axes:
+def errors_by_pose(
+    calibration: Calibration, ax: Axes | None = None, group: str = "position"
+) -> Axes:
     """Root mean square of each pose's errors in a group: before, after, and leave-one-out."""
     check_group(group)
     ax = new_axes(ax, (9, 3.6))
@@ -278,12 +317,20 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
         for name, errors in calibration.stages.items()
     }
     known = np.isfinite(sizes["before"])
-    labels = [label for label, there in zip(calibration.measurements.labels, known, strict=True) if there]
+    labels = [
+        label for label, there in zip(calibration.measurements.labels, known, strict=True) if there
+    ]
     at = np.arange(len(labels))
     for n, (name, size) in enumerate(sizes.items()):
         # dots, not bars: a bar on a logarithmic axis begins at no value of its own
         if np.isfinite(size[known]).any():
-            ax.plot(at + 0.2 * (n - 1), size[known], STAGE_MARKS[n], color=STAGE_COLOURS[name], label=name)
+            ax.plot(
+                at + 0.2 * (n - 1),
+                size[known],
+                STAGE_MARKS[n],
+                color=STAGE_COLOURS[name],
+                label=name,
+            )
     if len(labels) > MAX_NAMED_POSES:
         numbered = at[:: ceil(len(at) / MAX_NUMBERED_POSES)]
         ax.set_xticks(numbered, [str(k + 1) for k in numbered])
@@ -296,7 +343,9 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
     ax.tick_params(axis="x", labelsize=9)
     ax.set_axisbelow(True)
     # above the axes: among the dots there may be no room
-    ax.legend(frameon=False, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+    ax.legend(
+        frameon=False, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2
+    )
     return ax
 
 
@@ -313,19 +362,27 @@ def _name_poses(ax: Axes, labels: Sequence[str]) -> None:
         ax.set_xticks(range(len(labels)), split)
     else:
         ax.set_xticks(
-            range(len(labels)), [*map(literal_label, labels)], rotation=40, ha="right", rotation_mode="anchor"
+            range(len(labels)),
+            [*map(literal_label, labels)],
+            rotation=40,
+            ha="right",
+            rotation_mode="anchor",
         )
 
 
 @draws(Observability)
 def singular_values(observability: Observability, ax: Axes | None = None) -> Axes:
-    """The singular values of the identification Jacobian: a combination of parameters each, the last seen worst."""
+    """The singular values of the identification Jacobian: a combination of parameters each, the
+    last seen worst.
+    """
     ax = new_axes(ax, (9, 3.0))
     values = observability.singular
     shown = values[: observability.rank]
     ax.plot(np.arange(1, len(shown) + 1), shown, "o-", color=STAGE_COLOURS["after"], markersize=4)
     scale_error_axis(ax)
-    ax.set(xlabel="combination of parameters", ylabel="singular value", xlim=(0.5, len(values) + 0.5))
+    ax.set(
+        xlabel="combination of parameters", ylabel="singular value", xlim=(0.5, len(values) + 0.5)
+    )
     return ax
 
 
@@ -339,7 +396,13 @@ def _per_pose(errors: Array) -> Array:
 @draws(Margins)
 def limit_uses(margins: Margins, ax: Axes | None = None) -> Axes:
     """The largest use of each limit over the poses."""
-    return draw_bars(margins.names, margins.uses.max(0, initial=0.0).tolist(), "largest use of the limit", ax, 1.0)
+    return draw_bars(
+        margins.names,
+        margins.uses.max(0, initial=0.0).tolist(),
+        "largest use of the limit",
+        ax,
+        1.0,
+    )
 
 
 @draws(Posture)
@@ -351,9 +414,13 @@ def posture_uses(posture: Posture, ax: Axes | None = None) -> Axes:
 @draws(Measurements)
 def measured_offsets(measurements: Measurements, ax: Axes | None = None) -> Axes:
     """How far the measured position of each pose is from the commanded one."""
-    off = np.linalg.norm(measurements.measured.translation - measurements.commanded.translation, axis=1)
+    off = np.linalg.norm(
+        measurements.measured.translation - measurements.commanded.translation, axis=1
+    )
     known = np.asarray(measurements.seen[:, POSITION].all(1))
-    names = [label for label, there in zip(measurements.labels, known.tolist(), strict=True) if there]
+    names = [
+        label for label, there in zip(measurements.labels, known.tolist(), strict=True) if there
+    ]
     return draw_bars(names, (1e6 * off[known]).tolist(), "measured − commanded position (µm)", ax)
 
 
@@ -371,7 +438,9 @@ def reserves(selection: Selection[Part], ax: Axes | None = None) -> Axes:
     """The reserve of each part that does."""
     feasible = selection.feasible
     shown = [each.reserve for each in feasible]
-    return draw_bars([each.part.name for each in feasible], shown, "smallest offered / needed", ax, 1.0)
+    return draw_bars(
+        [each.part.name for each in feasible], shown, "smallest offered / needed", ax, 1.0
+    )
 
 
 @draws(StepperSizing)
@@ -379,7 +448,9 @@ def sizing_shares(sizing: StepperSizing, ax: Axes | None = None) -> Axes:
     """How much of what is offered, or allowed, each rule takes."""
     # of what must not be more than allowed the offer is the use
     shares = {
-        check.name: check.offered / check.needed if check.name in UPPER_BOUNDED else check.needed / check.offered
+        check.name: check.offered / check.needed
+        if check.name in UPPER_BOUNDED
+        else check.needed / check.offered
         for check in sizing.checks
         if check.offered and check.needed
     }

@@ -13,7 +13,8 @@
 # %% [markdown]
 # # A first plan
 #
-# **How fast can a hexapod run a given path, how do we know that it keeps every limit, and what do its motors get?**
+# **How fast can a hexapod run a given path, how do we know that it keeps every limit, and what do
+# its motors get?**
 #
 # In go a machine and a program of lines and arcs. Out come a motion, its proof, and the pulses.
 
@@ -34,8 +35,8 @@ print("programs:", ", ".join(pp.program_names()))
 # %% [markdown]
 # ## What goes in
 #
-# A machine says where its joints are and what its actuators may do. Limits belong to the legs, not to the tool: these
-# lines hold for each of the six.
+# A machine says where its joints are and what its actuators may do. Limits belong to the legs, not
+# to the tool: these lines hold for each of the six.
 
 # %%
 machine = pp.load_machine("hexapod")
@@ -59,11 +60,14 @@ program = pp.Program(
 # %% [markdown]
 # ## What comes out: the motion
 #
-# One call finds the fastest motion that the legs can make along this path, and stops where the path has corners.
+# One call finds the fastest motion that the legs can make along this path, and stops where the path
+# has corners.
 
 # %%
 plan = pp.plan(program, machine)
-print(f"{plan.trajectory.duration:.4f} s along {1e3 * plan.path.breaks[-1]:.1f} mm, order {plan.order}")
+print(
+    f"{plan.trajectory.duration:.4f} s along {1e3 * plan.path.breaks[-1]:.1f} mm, order {plan.order}"
+)
 plan.plot()
 
 # %% [markdown]
@@ -75,14 +79,17 @@ plan.plot()
 state = plan.trajectory.at([0.5, 1.0, 1.5])
 for t, pose, speed in zip(state.t, state.pose.translation, state.qd[:, 0], strict=True):
     x, y, z = 1e3 * pose
-    print(f"t = {t:.1f} s: platform at ({x:7.3f}, {y:7.3f}, {z:7.3f}) mm, leg 1 runs at {1e3 * speed:+6.2f} mm/s")
+    print(
+        f"t = {t:.1f} s: platform at ({x:7.3f}, {y:7.3f}, {z:7.3f}) mm, leg 1 runs at {1e3 * speed:+6.2f} mm/s"
+    )
 
 # %% [markdown]
 # ## Reading the certificate
 #
-# Each line is a limit: the largest share of it that the motion uses, *proved* over continuous time, and where. A share
-# of one is the limit itself. The proof is made from the motion alone and shares no code with the solver, so a bug in
-# the solver shows here; a plan whose certificate does not hold is refused.
+# Each line is a limit: the largest share of it that the motion uses, *proved* over continuous time,
+# and where. A share of one is the limit itself. The proof is made from the motion alone and shares
+# no code with the solver, so a bug in the solver shows here; a plan whose certificate does not hold
+# is refused.
 
 # %%
 plan.certificate
@@ -121,8 +128,9 @@ for name, value in met.items():
 # %% [markdown]
 # ## The pulses
 #
-# A stepper moves by pulses. Each falls on a whole tick of a stated clock, where the leg is half way between two counts,
-# so the counts are never further from the motion than half a pulse and what the leg moves in one tick.
+# A stepper moves by pulses. Each falls on a whole tick of a stated clock, where the leg is half way
+# between two counts, so the counts are never further from the motion than half a pulse and what the
+# leg moves in one tick.
 
 # %%
 pulses = plan.pulses
@@ -131,8 +139,12 @@ pulses
 
 # %%
 t = np.random.default_rng(1).uniform(0, plan.trajectory.duration, 20_000)
-away = (plan.trajectory.at(t).q - machine.home_q) / [axis.pulse for axis in machine.axes] - pulses.counts(t)
-print(f"at 20000 random instants the counts are at most {np.abs(away).max():.4f} pulses from the motion")
+away = (plan.trajectory.at(t).q - machine.home_q) / [
+    axis.pulse for axis in machine.axes
+] - pulses.counts(t)
+print(
+    f"at 20000 random instants the counts are at most {np.abs(away).max():.4f} pulses from the motion"
+)
 
 # %%
 figure, ax = plt.subplots(figsize=(9, 3.2), layout="constrained")
@@ -143,14 +155,21 @@ plt.show()
 # %% [markdown]
 # ## To a controller
 #
-# The plan is written in the format that a controller reads, decoded again as the controller would, and compared.
+# The plan is written in the format that a controller reads, decoded again as the controller would,
+# and compared.
 
 # %%
 with TemporaryDirectory() as folder:
-    for format_, name in (("pulses", "round.csv"), ("vcd", "round.vcd"), ("zaber", "round-pvt.csv")):
+    for format_, name in (
+        ("pulses", "round.csv"),
+        ("vcd", "round.vcd"),
+        ("zaber", "round-pvt.csv"),
+    ):
         file = Path(folder) / name
         done = plan.export(format_, file)
-        print(f"{name:<14} {file.stat().st_size / 1e3:8.0f} kB, {done.error:.3g} pulses from {done.against}")
+        print(
+            f"{name:<14} {file.stat().st_size / 1e3:8.0f} kB, {done.error:.3g} pulses from {done.against}"
+        )
 
 # %% [markdown]
 # ## What it refuses

@@ -13,10 +13,12 @@
 # %% [markdown]
 # # The path error of a circle
 #
-# **How far is a hexapod from the circle it was asked for, and what of that is due to whole pulses, to its geometry not
+# **How far is a hexapod from the circle it was asked for, and what of that is due to whole pulses,
+# to its geometry not
 # being the drawn one, and to drives that follow late?**
 #
-# The path error is the distance to the circle, whenever the platform gets there. Being late along the circle is none.
+# The path error is the distance to the circle, whenever the platform gets there. Being late along
+# the circle is none.
 
 # %%
 # %matplotlib inline
@@ -34,8 +36,9 @@ print(f"the fastest circle takes {plan.trajectory.duration:.3f} s")
 # %% [markdown]
 # ## A way to look
 #
-# Given how long the legs are, forward kinematics tells where the platform stands. On a flat circle the path error has
-# two parts, both signed: `radial`, outwards, and `axial`, upwards. Errors that are signed can be added.
+# Given how long the legs are, forward kinematics tells where the platform stands. On a flat circle
+# the path error has two parts, both signed: `radial`, outwards, and `axial`, upwards. Errors that
+# are signed can be added.
 
 # %%
 RADIUS, HEIGHT = 0.015, 0.025  # m, of the program bare-circle, from home
@@ -84,7 +87,9 @@ row("quantization", quantized)
 realised = plan.realised()["position"]
 budget = pp.error_budget(drawn, plan.trajectory.at(t).pose, [pp.Quantization()])
 predicted = np.sqrt(np.trace(budget.total.covariance[:, :3, :3], axis1=1, axis2=2).mean())
-print(f"position error at every pulse: RMS {1e6 * realised.rms:.2f} µm, largest {1e6 * realised.max:.2f} µm")
+print(
+    f"position error at every pulse: RMS {1e6 * realised.rms:.2f} µm, largest {1e6 * realised.max:.2f} µm"
+)
 print(f"theory: RMS {1e6 * predicted:.2f} µm, at most {1e6 * realised.bound:.2f} µm")
 assert abs(realised.rms / predicted - 1) < 0.05
 
@@ -94,9 +99,9 @@ assert abs(realised.rms / predicted - 1) < 0.05
 # %% [markdown]
 # ## A geometry that is not the drawn one
 #
-# The hexapod was measured on a coordinate-measuring machine. Its legs move further per pulse than its drawings say;
-# [the notebook on calibration](5_calibrating.py) tells how that is found. A machine that was planned by its drawings
-# and is as it was built does this:
+# The hexapod was measured on a coordinate-measuring machine. Its legs move further per pulse than
+# its drawings say; [the notebook on calibration](5_calibrating.py) tells how that is found. A
+# machine that was planned by its drawings and is as it was built does this:
 
 # %%
 calibration = pp.calibrate(drawn, pp.load_measurements("cmm"))
@@ -122,10 +127,11 @@ row("geometry", geometry)
 # %% [markdown]
 # ## Drives that follow late
 #
-# A tracking law tells the motion card what to do, step by step; drives behind it follow the card's pulses. The hexapod
-# has steppers, which hardly come behind (the bundled rig `hexapod-steppers`). What if its legs had servos, as the
-# thesis' other rig has? `leg_servo` is such a drive, with what is assumed of it in its documentation. Law 3 sends the
-# planned positions as they are, open loop. Feedforward sends them ahead by what a nominal drive lags.
+# A tracking law tells the motion card what to do, step by step; drives behind it follow the card's
+# pulses. The hexapod has steppers, which hardly come behind (the bundled rig `hexapod-steppers`).
+# What if its legs had servos, as the thesis' other rig has? `leg_servo` is such a drive, with what
+# is assumed of it in its documentation. Law 3 sends the planned positions as they are, open loop.
+# Feedforward sends them ahead by what a nominal drive lags.
 
 
 # %%
@@ -153,19 +159,25 @@ for name, off in tracked.items():
 # %%
 moments = np.arange(len(legs["open loop"])) * 1e-3
 steady = np.abs(moments / plan.trajectory.duration - 0.5) < 0.3
-omega, gain = np.median(plan.trajectory.at(moments[steady]).sd) / RADIUS, leg_servo(drawn.axes[0]).position_gain
+omega, gain = (
+    np.median(plan.trajectory.at(moments[steady]).sd) / RADIUS,
+    leg_servo(drawn.axes[0]).position_gain,
+)
 swing = 1 / np.sqrt(1 + (omega / gain) ** 2)
 narrower = -np.median(tracked["open loop"][steady, 0])
 told = RADIUS * (1 - swing)
-print(f"ω = {omega:.2f} rad/s, K = {gain:.0f} 1/s: by this formula the radius falls by {1e6 * told:.0f} µm,")
+print(
+    f"ω = {omega:.2f} rad/s, K = {gain:.0f} 1/s: by this formula the radius falls by {1e6 * told:.0f} µm,"
+)
 print(f"as simulated, with a speed loop behind the position loop, by {1e6 * narrower:.0f} µm")
 assert abs(narrower / told - 1) < 0.1
 
 # %% [markdown]
 # ## All of it at once
 #
-# Now the whole chain: the drives follow the card late, and the machine is as it was built. Is that the sum of what each
-# does alone? (The card fires whole pulses, so they are part of the tracking here already.)
+# Now the whole chain: the drives follow the card late, and the machine is as it was built. Is that
+# the sum of what each does alone? (The card fires whole pulses, so they are part of the tracking
+# here already.)
 
 # %%
 total = {name: off_circle(built, as_built(q)) for name, q in legs.items()}
@@ -194,15 +206,24 @@ shown = {
     "both": (total["open loop"], "#000000"),
     "tracking, feedforward": (tracked["feedforward"], "#009E73"),
 }
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained", width_ratios=(1, 1.1))
+figure, (left, right) = plt.subplots(
+    1, 2, figsize=(10, 4.6), layout="constrained", width_ratios=(1, 1.1)
+)
 angle, magnified = np.linspace(0, 2 * np.pi, 361), 20
-left.plot(1e3 * RADIUS * np.cos(angle), 1e3 * RADIUS * np.sin(angle), ":", color="grey", label="asked for")
+left.plot(
+    1e3 * RADIUS * np.cos(angle), 1e3 * RADIUS * np.sin(angle), ":", color="grey", label="asked for"
+)
 turned = drawn.home.inv() * plan.trajectory.at(moments).pose
 where = np.arctan2(turned.translation[:, 1], turned.translation[:, 0])
 for name, (off, color) in shown.items():
     r = 1e3 * (RADIUS + magnified * off[:, 0])
     left.plot(r * np.cos(where), r * np.sin(where), color=color, label=name, linewidth=1.3)
-left.set(xlabel="x (mm)", ylabel="y (mm)", title=f"radial errors magnified {magnified} times", aspect="equal")
+left.set(
+    xlabel="x (mm)",
+    ylabel="y (mm)",
+    title=f"radial errors magnified {magnified} times",
+    aspect="equal",
+)
 
 bars = {
     "whole pulses": quantized,
@@ -215,7 +236,9 @@ bars = {
 sizes = [1e6 * np.linalg.norm(off, axis=1) for off in bars.values()]
 at = np.arange(len(bars))
 right.plot([np.sqrt((size**2).mean()) for size in sizes], at, "o", label="RMS", color="#0072B2")
-right.plot([size.max() for size in sizes], at, "D", label="largest", color="#E69F00", fillstyle="none")
+right.plot(
+    [size.max() for size in sizes], at, "D", label="largest", color="#E69F00", fillstyle="none"
+)
 right.grid(axis="y", linewidth=0.5)
 right.set_yticks(at, list(bars))
 right.invert_yaxis()
@@ -230,7 +253,9 @@ plt.show()
 # Lag costs radius by about the square of the speed. Whole pulses and geometry do not care.
 
 # %%
-slower = {None: plan} | {duration: pp.plan(circle, drawn, duration=duration) for duration in (2.5, 5.0)}
+slower = {None: plan} | {
+    duration: pp.plan(circle, drawn, duration=duration) for duration in (2.5, 5.0)
+}
 durations = [motion.trajectory.duration for motion in slower.values()]
 
 
@@ -262,7 +287,10 @@ for name, values in (curves | sums).items():
 figure, ax = plt.subplots(figsize=(7, 3.8), layout="constrained")
 for (name, values), mark in zip(curves.items(), "osD^", strict=True):
     ax.loglog(
-        durations, values, marker=mark, label=name if name in ("whole pulses", "geometry") else f"tracking, {name}"
+        durations,
+        values,
+        marker=mark,
+        label=name if name in ("whole pulses", "geometry") else f"tracking, {name}",
     )
 ax.set_xticks(durations, [f"{duration:.2f}" for duration in durations])
 ax.xaxis.set_minor_formatter("")
@@ -273,10 +301,11 @@ plt.show()
 # %% [markdown]
 # ## What calibration buys
 #
-# Planned on the calibrated machine, the circle has the right size. Two things are left. One is what the measurements
-# could not tell: the standard error of the pulse's length. (The budget takes bounds of an even distribution, √3
-# standard deviations.) The other is what one factor cannot describe: how far off poses are that were left out of the
-# fit tells that, with the errors of measuring in it.
+# Planned on the calibrated machine, the circle has the right size. Two things are left. One is what
+# the measurements could not tell: the standard error of the pulse's length. (The budget takes
+# bounds of an even distribution, √3 standard deviations.) The other is what one factor cannot
+# describe: how far off poses are that were left out of the fit tells that, with the errors of
+# measuring in it.
 
 # %%
 better = pp.plan(circle, built)

@@ -13,11 +13,13 @@
 # %% [markdown]
 # # Choosing gains
 #
-# **Which tracking law, with which gain, keeps three servo drives closest to their path, also when inertia and friction
+# **Which tracking law, with which gain, keeps three servo drives closest to their path, also when
+# inertia and friction
 # are not what the data sheet says?**
 #
-# The rig is that of a thesis [Sahbaz 2007]: AC servos behind gears, commanded by a host every 125 ms through a motion
-# card. It is simulated here, with everything that was assumed written in its file.
+# The rig is that of a thesis [Sahbaz 2007]: AC servos behind gears, commanded by a host every 125
+# ms through a motion card. It is simulated here, with everything that was assumed written in its
+# file.
 
 # %%
 # %matplotlib inline
@@ -38,8 +40,9 @@ print(f"circle: {circle.motion.duration:.1f} s, a command every {1e3 * circle.dt
 # %% [markdown]
 # ## One run at a time
 #
-# Law 6 of the thesis moves each target by a share of the error that the encoders show, its gain. How far beside the
-# path does the arm run with two of its gains, and with a repaired version, 6r, that may also go faster to catch up?
+# Law 6 of the thesis moves each target by a share of the error that the encoders show, its gain.
+# How far beside the path does the arm run with two of its gains, and with a repaired version, 6r,
+# that may also go faster to catch up?
 
 # %%
 figure, ax = plt.subplots(figsize=(9, 3.4), layout="constrained")
@@ -59,9 +62,9 @@ plt.show()
 # %% [markdown]
 # ## A sweep
 #
-# Each setting runs on the rig as stated, and with inertia and friction 30 % higher and lower, which the drives do not
-# know of. Runs are kept in a folder and never made twice. The last settings are feedforward from a model of the drive,
-# with and without making up for the play of the gears.
+# Each setting runs on the rig as stated, and with inertia and friction 30 % higher and lower, which
+# the drives do not know of. Runs are kept in a folder and never made twice. The last settings are
+# feedforward from a model of the drive, with and without making up for the play of the gears.
 
 # %%
 texts = [
@@ -74,7 +77,9 @@ settings = tuple(pp.read_setting(text) for text in texts)
 folder = TemporaryDirectory()
 runs = pp.sweep(pp.Grid(settings, ("circle",)), rig, Path(folder.name, "circle"))
 comparison = pp.compare([runs], baseline="6:gain=0.7")
-print(f"{len(runs.results)} runs of {len(settings)} settings, on rigs: {', '.join(runs.record['variations'])}")
+print(
+    f"{len(runs.results)} runs of {len(settings)} settings, on rigs: {', '.join(runs.record['variations'])}"
+)
 
 # %%
 comparison
@@ -96,8 +101,9 @@ plots.gains(comparison)[0].figure
 # %% [markdown]
 # ## Picking one
 #
-# The gain of 6r has a best value: below it the error is not caught up, above it the correction of one step is still
-# under way when the next is ordered. What counts is the worst rig, and how steep the curve is behind the best value.
+# The gain of 6r has a best value: below it the error is not caught up, above it the correction of
+# one step is still under way when the next is ordered. What counts is the worst rig, and how steep
+# the curve is behind the best value.
 
 # %%
 laws = ("closed-position", "closed-position-repaired", "feedforward")
@@ -112,7 +118,8 @@ pp.verdict_of(comparison)
 # %% [markdown]
 # ## On a path it was not chosen on
 #
-# A gain that is only good where it was chosen is not good. The square has corners, where every axis stops and turns.
+# A gain that is only good where it was chosen is not good. The square has corners, where every axis
+# stops and turns.
 
 # %%
 chosen = tuple(row.entry.setting for row in best.values())
@@ -133,7 +140,11 @@ print(
     f"rig,\nagainst {1e6 * published.worst:.0f} µm of the best published gain. With encoders alone: law 6r at gain "
     f"{gain:g}, {1e6 * repaired.worst:.0f} µm; not above,\nsince its error rises again behind the best gain."
 )
-higher = [row for row in of_law["closed-position-repaired"] if dict(row.entry.setting.gains)["gain"] > gain]
+higher = [
+    row
+    for row in of_law["closed-position-repaired"]
+    if dict(row.entry.setting.gains)["gain"] > gain
+]
 assert ahead.worst < repaired.worst < published.worst
 assert higher
 assert all(row.worst > repaired.worst for row in higher)

@@ -13,7 +13,8 @@
 # %% [markdown]
 # # What limits the speed
 #
-# **A circle takes the hexapod a certain time at best. Which limit of which leg costs that time, and what would a better
+# **A circle takes the hexapod a certain time at best. Which limit of which leg costs that time, and
+# what would a better
 # actuator buy: more speed, more acceleration, or more jerk?**
 
 # %%
@@ -35,7 +36,8 @@ print(f"the fastest circle takes {duration:.4f} s")
 # %% [markdown]
 # ## Which limit, where
 #
-# Below, every limit's proven use along the path; on top, the colour of the limit that holds the motion back there.
+# Below, every limit's proven use along the path; on top, the colour of the limit that holds the
+# motion back there.
 
 # %%
 figure, ax = plt.subplots(figsize=(9, 3.8), layout="constrained")
@@ -52,7 +54,8 @@ for name, part in share.items():
 # %% [markdown]
 # ## Which leg
 #
-# The legs take turns: while some run at full speed, others have little to do. Dark is a limit that is reached.
+# The legs take turns: while some run at full speed, others have little to do. Dark is a limit that
+# is reached.
 
 # %%
 t = np.linspace(0, duration, 600)
@@ -74,13 +77,16 @@ plt.show()
 # %%
 used_up = {name: (use >= 0.99).mean(0) for name, use in uses.items()}
 for name, shares in used_up.items():
-    print(f"{name:<14}reached, of the time: " + ", ".join(f"leg {n + 1} {100 * u:.0f} %" for n, u in enumerate(shares)))
+    print(
+        f"{name:<14}reached, of the time: "
+        + ", ".join(f"leg {n + 1} {100 * u:.0f} %" for n, u in enumerate(shares))
+    )
 
 # %% [markdown]
 # ## What a little more is worth
 #
-# Raise one limit of all legs a little, plan again, and see by how much the time falls. The marginal value is the change
-# of the time, in per cent, for one per cent more of the limit.
+# Raise one limit of all legs a little, plan again, and see by how much the time falls. The marginal
+# value is the change of the time, in per cent, for one per cent more of the limit.
 
 # %%
 LIMITS = ("max_speed", "max_acceleration", "max_jerk")
@@ -89,7 +95,8 @@ LIMITS = ("max_speed", "max_acceleration", "max_jerk")
 def with_limits(**factors: float) -> pp.Machine:
     """The same machine with limits of its legs that are so many times as high."""
     axes = [
-        replace(leg, **{name: factor * getattr(leg, name) for name, factor in factors.items()}) for leg in machine.axes
+        replace(leg, **{name: factor * getattr(leg, name) for name, factor in factors.items()})
+        for leg in machine.axes
     ]
     return machine.driven_by(axes)
 
@@ -100,7 +107,8 @@ def fastest(**factors: float) -> float:
 
 step = 0.05
 value = {
-    name: np.log(fastest(**{name: 1 + step}) / fastest(**{name: 1 - step})) / np.log((1 + step) / (1 - step))
+    name: np.log(fastest(**{name: 1 + step}) / fastest(**{name: 1 - step}))
+    / np.log((1 + step) / (1 - step))
     for name in LIMITS
 }
 for name, change in value.items():
@@ -124,10 +132,14 @@ assert abs(total + 1) < 0.005
 # %%
 factors = (0.5, 1.0, 2.0)
 bought = {
-    name.removeprefix("max_"): [duration if factor == 1 else fastest(**{name: factor}) for factor in factors]
+    name.removeprefix("max_"): [
+        duration if factor == 1 else fastest(**{name: factor}) for factor in factors
+    ]
     for name in LIMITS
 }
-bought["all three"] = [duration if factor == 1 else fastest(**dict.fromkeys(LIMITS, factor)) for factor in factors]
+bought["all three"] = [
+    duration if factor == 1 else fastest(**dict.fromkeys(LIMITS, factor)) for factor in factors
+]
 print(f"{'duration (s), limit ×':<22}" + "".join(f"{factor:8.2f}" for factor in factors))
 for name, values in bought.items():
     print(f"{name:<22}" + "".join(f"{duration:8.3f}" for duration in values))
@@ -141,7 +153,9 @@ free = pp.plan(circle, with_limits(max_speed=10.0))
 moments = np.linspace(0, free.trajectory.duration, 2001)
 enough = np.abs(free.trajectory.at(moments).qd).max() / machine.axes[0].max_speed
 least = free.trajectory.duration
-print(f"a speed limit {enough:.2f} times as high is never reached: {least:.3f} s, whatever the motors could do beyond")
+print(
+    f"a speed limit {enough:.2f} times as high is never reached: {least:.3f} s, whatever the motors could do beyond"
+)
 assert abs(bought["speed"][-1] / least - 1) < 1e-3
 
 # %%
@@ -151,7 +165,13 @@ half, full, twice = bought["speed"]
 curves["speed"] = [0.5, 1.0, enough, 2.0], [half, full, least, twice]
 for (name, (times, values)), mark in zip(curves.items(), "osD^", strict=True):
     ax.loglog(times, values, marker=mark, label=name)
-ax.loglog(factors, [duration / factor for factor in factors], ":", color="grey", label="1/×: nothing else in the way")
+ax.loglog(
+    factors,
+    [duration / factor for factor in factors],
+    ":",
+    color="grey",
+    label="1/×: nothing else in the way",
+)
 ax.set_xticks(factors, [f"{factor:g}" for factor in factors])
 ax.set_yticks([0.5, 1, 2], ["0.5", "1", "2"])
 ax.minorticks_off()

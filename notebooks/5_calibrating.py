@@ -13,7 +13,8 @@
 # %% [markdown]
 # # Calibrating from measurements
 #
-# **A hexapod was measured on a coordinate-measuring machine. How much of its error can parameters of the machine
+# **A hexapod was measured on a coordinate-measuring machine. How much of its error can parameters
+# of the machine
 # explain, how far are they to be trusted, and which pose should be measured next?**
 #
 # The measurements are those of a thesis [Sahbaz 2007, Tables 6.2 to 6.4].
@@ -31,15 +32,20 @@ shift = data.measured.translation - data.commanded.translation
 print(f"{'commanded (mm)':<26}{'off by (µm)':<26}")
 for label, to, off in zip(data.labels, 1e3 * data.commanded.translation, 1e6 * shift, strict=True):
     if label.startswith("pose"):
-        print("({:5.1f}, {:5.1f}, {:5.1f})".format(*to), "    ({:6.0f}, {:6.0f}, {:6.0f})".format(*off), "  ", label)
+        print(
+            "({:5.1f}, {:5.1f}, {:5.1f})".format(*to),
+            "    ({:6.0f}, {:6.0f}, {:6.0f})".format(*off),
+            "  ",
+            label,
+        )
 
 # %% [markdown]
 # The height is off by more the further up the platform goes. Something is longer than it is believed to be.
 #
 # ## A model of the error
 #
-# One factor on the pulse of all legs, and where and how the measuring frame stands: five parameters in all. They are
-# fitted to the measured positions.
+# One factor on the pulse of all legs, and where and how the measuring frame stands: five parameters
+# in all. They are fitted to the measured positions.
 
 # %%
 calibration = pp.calibrate(machine, data)
@@ -47,9 +53,12 @@ calibration
 
 # %%
 before, after, left_out = (
-    1e6 * calibration.rms(errors) for errors in (calibration.before, calibration.after, calibration.left_out)
+    1e6 * calibration.rms(errors)
+    for errors in (calibration.before, calibration.after, calibration.left_out)
 )
-print(f"RMS per component: {before:.1f} µm before, {after:.1f} µm after, {left_out:.1f} µm left out")
+print(
+    f"RMS per component: {before:.1f} µm before, {after:.1f} µm after, {left_out:.1f} µm left out"
+)
 calibration.plot()
 
 # %% [markdown]
@@ -86,8 +95,9 @@ except pp.MotionError as refusal:
 # %% [markdown]
 # ## How far to trust it
 #
-# Each parameter has a standard error. A singular value belongs to each combination of parameters that the poses tell
-# apart; a small one means that it is hardly seen. The usual indices sum them up: more is better.
+# Each parameter has a standard error. A singular value belongs to each combination of parameters
+# that the poses tell apart; a small one means that it is hardly seen. The usual indices sum them
+# up: more is better.
 
 # %%
 calibration.observability
@@ -97,10 +107,19 @@ calibration.observability.plot()
 
 # %%
 factor = calibration["factor"]
-catalogue, programmed = 0.762, 1e6 * machine.axes[0].pulse  # µm: half a step of the actuator, and what was programmed
-print(f"the factor is {factor.value:.4f} ± {factor.error:.4f}: a pulse of {programmed * factor.value:.4f} µm")
-print(f"the actuator's catalogue says {catalogue} µm, which would be a factor of {catalogue / programmed:.4f}")
-print(f"{abs(factor.value - catalogue / programmed) / factor.error:.1f} standard errors lie between the two")
+catalogue, programmed = (
+    0.762,
+    1e6 * machine.axes[0].pulse,
+)  # µm: half a step of the actuator, and what was programmed
+print(
+    f"the factor is {factor.value:.4f} ± {factor.error:.4f}: a pulse of {programmed * factor.value:.4f} µm"
+)
+print(
+    f"the actuator's catalogue says {catalogue} µm, which would be a factor of {catalogue / programmed:.4f}"
+)
+print(
+    f"{abs(factor.value - catalogue / programmed) / factor.error:.1f} standard errors lie between the two"
+)
 
 # %% [markdown]
 # So most of the error is a rounded number in a program. The catalogue explains it nearly; what is beyond the standard
@@ -108,8 +127,8 @@ print(f"{abs(factor.value - catalogue / programmed) / factor.error:.1f} standard
 #
 # ## What to measure next
 #
-# A further pose is worth what it takes off the standard errors. That is known beforehand: it depends on where the pose
-# is, not on what will be read there. (White: the legs do not reach it.)
+# A further pose is worth what it takes off the standard errors. That is known beforehand: it
+# depends on where the pose is, not on what will be read there. (White: the legs do not reach it.)
 
 # %%
 heights, asides = np.linspace(0.005, 0.045, 9), np.linspace(0.0, 0.025, 6)
@@ -130,7 +149,9 @@ for ax, values, name in zip(axes, gain, ("pulse's length", "frame's turn about z
     figure.colorbar(mesh, ax=ax, label="taken off (%)")
     ax.set(xlabel="x of a further pose, at y = 0 (mm)", title=f"standard error of the {name}")
 x, y, z = 1e3 * data.commanded.translation[data.fit].T
-axes[0].plot(np.hypot(x, y), z, "o", color="white", mec="black", label="measured, as far from the middle")
+axes[0].plot(
+    np.hypot(x, y), z, "o", color="white", mec="black", label="measured, as far from the middle"
+)
 axes[0].set_ylabel("z of a further pose (mm)")
 axes[0].legend(loc="lower right", fontsize="small")
 plt.show()
@@ -139,10 +160,14 @@ plt.show()
 best = np.nanargmax(gain[0])
 middle = places.index([0.0, 0, 0.025])
 x, _, z = 1e3 * np.array(places[best])
-print(f"best for the pulse's length: x = {x:.0f} mm, z = {z:.0f} mm takes {gain[0, best]:.1f} % off its standard error")
+print(
+    f"best for the pulse's length: x = {x:.0f} mm, z = {z:.0f} mm takes {gain[0, best]:.1f} % off its standard error"
+)
 print(f"one more in the middle, at z = 25 mm, takes {gain[0, middle]:.1f} % off")
 aside = np.nanargmax(gain[1])
-print(f"best for the frame's turn: x = {1e3 * places[aside][0]:.0f} mm takes {gain[1, aside]:.1f} % off")
+print(
+    f"best for the frame's turn: x = {1e3 * places[aside][0]:.0f} mm takes {gain[1, aside]:.1f} % off"
+)
 
 # %% [markdown]
 # A pulse that is too long shows most where the legs are longest; a frame that is turned shows most far from its middle.

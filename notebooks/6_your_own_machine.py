@@ -15,7 +15,8 @@
 #
 # **How much must be said of a machine until its workspace, plans, proofs and pulses follow?**
 #
-# Three ways: as a text that is a file, as joint centres in Python, and as a new kind of machine by its formula.
+# Three ways: as a text that is a file, as joint centres in Python, and as a new kind of machine by
+# its formula.
 
 # %%
 # %matplotlib inline
@@ -32,7 +33,8 @@ from pulsepath import plots
 # %% [markdown]
 # ## As a text
 #
-# A small hexapod on two joint circles. Lengths have units, limits belong to the legs, and unknown words are refused.
+# A small hexapod on two joint circles. Lengths have units, limits belong to the legs, and unknown
+# words are refused.
 
 # %%
 TEXT = """
@@ -69,7 +71,9 @@ small
 # %%
 reach = pp.workspace(small, y=0.0, cells=24)
 box = reach.largest_box()
-print(f"the largest box in this plane: {1e3 * box.size[0]:.1f} mm wide, {1e3 * box.size[2]:.1f} mm high")
+print(
+    f"the largest box in this plane: {1e3 * box.size[0]:.1f} mm wide, {1e3 * box.size[2]:.1f} mm high"
+)
 reach.plot()
 
 # %% [markdown]
@@ -87,7 +91,8 @@ with TemporaryDirectory() as folder:
 # %% [markdown]
 # ## As joint centres
 #
-# Joints need not lie on circles. Here the legs stand at the corners and the middles of the sides of a triangle.
+# Joints need not lie on circles. Here the legs stand at the corners and the middles of the sides of
+# a triangle.
 
 # %%
 corner = np.deg2rad([90, 210, 330])
@@ -102,30 +107,36 @@ own = pp.Hexapod(
     base,
     platform,
     axes=[
-        pp.Axis(f"leg{n}", travel=(-0.02, 0.02), max_speed=0.05, max_acceleration=1.0, max_jerk=50.0)
+        pp.Axis(
+            f"leg{n}", travel=(-0.02, 0.02), max_speed=0.05, max_acceleration=1.0, max_jerk=50.0
+        )
         for n in range(1, 7)
     ],
     home=pp.Pose.from_translation([0, 0, 0.130]),
     name="triangle",
 )
 margins = own.check(own.home)
-print(f"home is {'fine' if margins.ok else margins.worst()}; conditioning {margins.conditioning[0]:.3f}")
+print(
+    f"home is {'fine' if margins.ok else margins.worst()}; conditioning {margins.conditioning[0]:.3f}"
+)
 
 # %% [markdown]
 # ## As a new kind
 #
-# A linear delta, as printers have it: three carriages on upright rails, joined to an effector by rods of one length.
-# Where the carriages must be for a position of the effector is one formula:
+# A linear delta, as printers have it: three carriages on upright rails, joined to an effector by
+# rods of one length. Where the carriages must be for a position of the effector is one formula:
 #
 # $$q_i = z + \sqrt{L^2 - |\mathbf{r}_i - (x, y)|^2},$$
 #
-# with the rail $\mathbf{r}_i$, drawn in by the effector's own radius. It is written once, with CasADi's symbols;
-# speeds, accelerations, jerks, proofs and forward kinematics all come from it.
+# with the rail $\mathbf{r}_i$, drawn in by the effector's own radius. It is written once, with
+# CasADi's symbols; speeds, accelerations, jerks, proofs and forward kinematics all come from it.
 
 
 # %%
 class LinearDelta(pp.Machine):
-    """Three carriages at heights q on upright rails, joined to the effector by rods of one length."""
+    """Three carriages at heights q on upright rails, joined to the effector by rods of one
+    length.
+    """
 
     freedom = ("x", "y", "z")
     sorts = ("linear",) * 3
@@ -146,7 +157,14 @@ delta = LinearDelta(
     radius=0.110,
     rod=0.250,
     axes=[
-        pp.Axis(f"tower{n}", travel=(-0.15, 0.15), pulse=5e-6, max_speed=0.3, max_acceleration=3.0, max_jerk=100.0)
+        pp.Axis(
+            f"tower{n}",
+            travel=(-0.15, 0.15),
+            pulse=5e-6,
+            max_speed=0.3,
+            max_acceleration=3.0,
+            max_jerk=100.0,
+        )
         for n in (1, 2, 3)
     ],
     home=pp.Pose.from_translation([0, 0, 0]),
@@ -161,7 +179,9 @@ poses = pp.Pose.from_translation(random.uniform([-0.07, -0.07, -0.1], [0.07, 0.0
 q = delta.inverse(poses)
 found = delta.forward(q, near=poses)
 back = np.abs(found.pose.translation - poses.translation).max()
-print(f"200 positions to carriages and back: within {1e12 * back:.1f} pm, all certified: {found.certified.all()}")
+print(
+    f"200 positions to carriages and back: within {1e12 * back:.1f} pm, all certified: {found.certified.all()}"
+)
 assert back < 1e-9
 
 # %% [markdown]
@@ -175,7 +195,8 @@ disc.plot()
 # %% [markdown]
 # ## The same program on all of them
 #
-# A program with rounded corners counts from each machine's own home. Every plan has its proof and its pulses.
+# A program with rounded corners counts from each machine's own home. Every plan has its proof and
+# its pulses.
 
 # %%
 side = 0.004
@@ -185,7 +206,9 @@ square = pp.Program((*rounded, pp.Line(to=corners[0]), pp.Line(to=np.zeros(3))),
 plans = {machine.name: pp.plan(square, machine) for machine in (small, own, delta)}
 for name, plan in plans.items():
     proof = "holds" if plan.certificate.holds else "fails"
-    print(f"{name:<14}{plan.trajectory.duration:.4f} s, {plan.pulses.total:6} pulses, the certificate {proof}")
+    print(
+        f"{name:<14}{plan.trajectory.duration:.4f} s, {plan.pulses.total:6} pulses, the certificate {proof}"
+    )
     assert plan.certificate.holds
 
 # %%

@@ -22,7 +22,9 @@ ACTIVE_SHARE = 0.99
 FILE_LINE = "file line"
 """Name of a line of the program's file: a straight segment is a line too."""
 NUMBER, TIME, WAY, IDLE = range(4)
-"""Columns of a measured segment: its number, s, m, and s without active limit; those of limits follow."""
+"""Columns of a measured segment: its number, s, m, and s without active limit; those of limits
+follow.
+"""
 NOT_LOWERED: Mapping[str, Shares] = MappingProxyType({})
 """Shares for a plan that used each limit in full."""
 

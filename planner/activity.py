@@ -49,7 +49,8 @@ class Activity:
         # s for which no limit is active, and for which each is, in each window of time
         self._active = np.zeros((MOST_WINDOWS, 1))
         self._use = np.zeros((MOST_WINDOWS, 0))
-        # measured segments, numbered from 0 over all repetitions; the next part may continue the last
+        # measured segments, numbered from 0 over all repetitions; the next part may continue the
+        # last
         self._rows = np.zeros((0, IDLE + 1))
         # segments that tables have named so far, by number from 0
         self._segments = dict[int, Segment]()
@@ -155,7 +156,9 @@ class Activity:
         return self.count <= MOST_SEGMENTS
 
     def tabulate_longest(self) -> Table:
-        """Tabulate the segments that take longest, the longest first; if few, all in their order."""
+        """Tabulate the segments that take longest, the longest first; if few, all in their
+        order.
+        """
         rows = self._rows
         if self.complete:
             return self._tabulate("the segments that take longest", rows)
@@ -210,13 +213,18 @@ class Activity:
         return columns
 
     def find_segments(self, numbers: Iterable[int | None]) -> dict[int, Segment]:
-        """Return segments by their number from 0. Reads the program's file once for those of all tables."""
+        """Return segments by their number from 0.
+
+        Reads the program's file once for those of all tables.
+        """
         total = len(self.program.segments)
         chosen = {number % total for number in numbers if number is not None}
         if not chosen <= self._segments.keys():
             needed = chosen | {int(number) % total for number in self._rows[:, NUMBER]}
             ahead = islice(self.program.segments, max(needed) + 1)
-            self._segments |= {number: segment for number, segment in enumerate(ahead) if number in needed}
+            self._segments |= {
+                number: segment for number, segment in enumerate(ahead) if number in needed
+            }
         return {number: self._segments[number] for number in chosen}
 
 

@@ -49,7 +49,8 @@ LEAST_COST = 5e-4
 """Cost (s) below which no number is stated: the estimate is no better."""
 MOST_OF_PATH = 1e-3
 """Largest proposed tolerance as a share of the path's length."""
-# Places of a piece at which its limits are sampled: more take longer and change the estimate little.
+# Places of a piece at which its limits are sampled: more take longer and change the estimate
+# little.
 LEG_PLACES = 5
 # Pieces sampled together: more need more memory, fewer more time.
 LEG_BATCH = 4096
@@ -228,7 +229,9 @@ def cost_first_stops(
 
 @dataclass(frozen=True, slots=True)
 class _Legs:
-    """The pieces of a path: lengths (P,), limits along them (P,), and speeds (P+1,) at the joins."""
+    """The pieces of a path: lengths (P,), limits along them (P,), and speeds (P+1,) at the
+    joins.
+    """
 
     length: Array
     speed: Array
@@ -387,7 +390,9 @@ def _time_legs(legs: _Legs, passing: Array) -> Array:
 
 
 def _measure_ramps(legs: _Legs, ends: Array, top: Array) -> tuple[Array, Array]:
-    """Return length and time (P,) of the ramps between the speeds (2, P) at the ends and the top."""
+    """Return length and time (P,) of the ramps between the speeds (2, P) at the ends and the
+    top.
+    """
     gain = top - ends
     with np.errstate(over="ignore"):
         full = gain > legs.acceleration**2 / legs.jerk  # the ramp attains the full acceleration

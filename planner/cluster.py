@@ -31,7 +31,8 @@ MAX_CONNECTION_TIME = 10.0
 ALONE = "the motion goes on for long without a stop: its windows need each other, and this computer plans them in turn"
 # s between two attempts to read the file that a scheduler is about to write.
 FILE_PERIOD = 0.1
-# Dask's own loggers are silenced: errors are raised here, and the rest concerns interrupted clusters.
+# Dask's own loggers are silenced: errors are raised here, and the rest concerns interrupted
+# clusters.
 LOGGERS = "distributed", "distributed.client", "tornado.application", "asyncio"
 WORKER_LOGS = {"distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED": "critical"}
 
@@ -99,7 +100,9 @@ def run_on_cluster(
                 continue
             future.release()
             if theirs is not None:
-                raise _mismatch_error("a worker that joined later", describe_mismatches(cluster.look(), theirs))
+                raise _mismatch_error(
+                    "a worker that joined later", describe_mismatches(cluster.look(), theirs)
+                )
             yield n, result
 
 
@@ -324,14 +327,18 @@ def _check_workers(client: Any, look: Look) -> None:
     try:
         client.wait_for_workers(1, timeout=MAX_CONNECTION_TIME)
     except TimeoutError:
-        raise MotionError(f"the Dask cluster has no worker after {MAX_CONNECTION_TIME:g} s: start some") from None
+        raise MotionError(
+            f"the Dask cluster has no worker after {MAX_CONNECTION_TIME:g} s: start some"
+        ) from None
     versions = client.get_versions()
     python = versions["client"]["host"]["python"]
     for worker, facts in versions["workers"].items():
         if facts["host"]["python"] != python:  # another Python cannot run `look`
             raise _mismatch_error(worker, [f"python {facts['host']['python']} (here {python})"])
     ours = look()
-    every = {worker: describe_mismatches(ours, theirs) for worker, theirs in client.run(look).items()}
+    every = {
+        worker: describe_mismatches(ours, theirs) for worker, theirs in client.run(look).items()
+    }
     others = {worker: mismatches for worker, mismatches in every.items() if mismatches}
     if others:
         worker, mismatches = next(iter(others.items()))
@@ -368,7 +375,9 @@ def _mismatch_error(who: str, mismatches: Sequence[str]) -> MotionError:
     )
 
 
-def _wrap_checked(work: Callable[[Any, Any], Any], look: Look, ours: Facts) -> Callable[[bytes, bytes], Any]:
+def _wrap_checked(
+    work: Callable[[Any, Any], Any], look: Look, ours: Facts
+) -> Callable[[bytes, bytes], Any]:
     """Wrap `work` for a worker: return (result, None), or (None, its facts) if they are not ours.
 
     The wrapper is local and takes bytes, so that a worker with other sources of this project
@@ -392,7 +401,10 @@ _ONE_TASK = Lock()
 
 
 def do_task(work: bytes, task: bytes, shared: bytes) -> Any:
-    """Do a task on a worker, one at a time. `shared` is unpacked once, with the caches built on it."""
+    """Do a task on a worker, one at a time.
+
+    `shared` is unpacked once, with the caches built on it.
+    """
     with _ONE_TASK, without_processes():
         return _unpack(work)(pickle.loads(task), _unpack(shared))
 

@@ -33,7 +33,9 @@ class CrossCheck(Result):
 
     @property
     def difference(self) -> float | None:
-        """Share of our duration by which toppra's motion takes longer; negative if it is shorter."""
+        """Share of our duration by which toppra's motion takes longer; negative if it is
+        shorter.
+        """
         if self.theirs is None:
             return None
         return self.theirs.trajectory.duration / self.ours.trajectory.duration - 1
@@ -53,7 +55,10 @@ class CrossCheck(Result):
             Column("certified", ["yes" if proof.holds else "NO" for proof in proofs.values()]),
         )
         names = list(dict.fromkeys(name for proof in proofs.values() for name in proof.worst))
-        uses = (Column(by, list(map(proof.worst.get, names)), form=".7f", up=True) for by, proof in proofs.items())
+        uses = (
+            Column(by, list(map(proof.worst.get, names)), form=".7f", up=True)
+            for by, proof in proofs.items()
+        )
         title = "cross-check: value/limit, bounded over continuous time"
         return (
             Table("cross-check at order 2, without limits on jerk", motions, (note,)),

@@ -52,7 +52,9 @@ def make_fact_finder(packages: Sequence[str] = PACKAGES) -> Look:
                 spec = None
             digest = sha256()
             for root in (spec and spec.submodule_search_locations) or ():
-                files = {file.relative_to(root).as_posix(): file for file in Path(root).rglob("*.py")}
+                files = {
+                    file.relative_to(root).as_posix(): file for file in Path(root).rglob("*.py")
+                }
                 for name in sorted(files):
                     digest.update(name.encode() + b"\0" + sha256(files[name].read_bytes()).digest())
             facts[f"sources of {package}"] = digest.hexdigest() if spec else "not installed"

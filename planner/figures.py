@@ -99,7 +99,9 @@ def time_and_distance_to_rest(stops: Stops, ax: Axes | None = None) -> Axes:
 
 
 def pick_instants(trajectory: Trajectory) -> Array:
-    """Return the instants (N,) at which a trajectory is drawn: evenly spaced ones, and its knots."""
+    """Return the instants (N,) at which a trajectory is drawn: evenly spaced ones, and its
+    knots.
+    """
     return np.union1d(np.linspace(0, trajectory.duration, DRAWN_INSTANTS), trajectory.knots)
 
 
@@ -253,7 +255,10 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
 
 
 def draw_limit_uses(plan: Plan, axes: Mapping[Literal["path", "time"], Axes]) -> None:
-    """Draw `limit_use` on several axes. The limits are sampled once, which takes as long as drawing."""
+    """Draw `limit_use` on several axes.
+
+    The limits are sampled once, which takes as long as drawing.
+    """
     trajectory = plan.trajectory
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
     shares = limit_shares(plan)
@@ -271,7 +276,9 @@ def _draw_limit_use(
     shares: Mapping[str, Array],
     active: np.ndarray,
 ) -> None:
-    """Draw the shares of the limits between the edges (M + 1,) of time pieces, and the active limit of each."""
+    """Draw the shares of the limits between the edges (M + 1,) of time pieces, and the active limit
+    of each.
+    """
     styles = style_limits(limit.name for limit in plan.limits)
     for name, drawn in styles.items():
         _draw_stairs(ax, shares[name], edges, label=literal_label(name), **drawn)

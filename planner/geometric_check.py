@@ -24,7 +24,9 @@ from planner.program.program_file import ProgramSource, load_program
 
 @check_arguments("program", "machine", "limits")
 @enclose_without_compiler()
-def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[OwnLimit] = ()) -> Standing:
+def check(
+    program: ProgramSource, machine: MachineSource, *, limits: Sequence[OwnLimit] = ()
+) -> Standing:
     """Prove the limits that slowing down cannot fix over the path of a program.
 
     Parameters

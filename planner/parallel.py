@@ -6,7 +6,8 @@ open are solved here:
 
 - Tasks and results go through files: the reader of a pipe waits for ever if its writer is killed
   in the middle of a long message.
-- The processes ignore Ctrl-C and hang-ups, which a terminal sends to a whole group, even before Python starts.
+- The processes ignore Ctrl-C and hang-ups, which a terminal sends to a whole group, even before
+  Python starts.
 - They end with the process that started them.
 """
 
@@ -53,7 +54,8 @@ GC_THRESHOLDS = 50_000, 20, 100
 # loky would restart a process that has grown by 300 MB, and import modules of the current folder.
 _ENVIRONMENT = {"LOKY_MAX_MEMORY_LEAK_SIZE": "1e18", "PYTHONSAFEPATH": "1"}
 _WORK = "work"
-# Option -W of loky's tracker of resources, which cleans up after a killed process: it need not say so.
+# Option -W of loky's tracker of resources, which cleans up after a killed process: it need not say
+# so.
 _QUIET = "ignore:resource_tracker:UserWarning"
 
 
@@ -205,7 +207,10 @@ class PendingResult(Generic[Result]):
 
 
 class Pool:
-    """Processes for one kind of work. If one dies, all end, and each future raises BrokenExecutor."""
+    """Processes for one kind of work.
+
+    If one dies, all end, and each future raises BrokenExecutor.
+    """
 
     def __init__(self, executor: Any, folder: Path) -> None:
         self._executor = executor
@@ -213,7 +218,10 @@ class Pool:
         self._numbers = count()
 
     def submit(self, task: Any) -> PendingResult[Any]:
-        """Send a task to a process. Raises BrokenExecutor, and any exception of pickling the task."""
+        """Send a task to a process.
+
+        Raises BrokenExecutor, and any exception of pickling the task.
+        """
         file = self._folder / str(next(self._numbers))
         file.write_bytes(pickle.dumps(task))
         return PendingResult(self._executor.submit(_do_task, file), file)
@@ -231,7 +239,9 @@ def open_pool(work: bytes, processes: int, modules: Sequence[str] = ()) -> Itera
     if _QUIET not in sys.warnoptions:
         sys.warnoptions.append(_QUIET)
     with ExitStack() as stack:
-        temporary = TemporaryDirectory(prefix=f"pulsepath-{os.getpid()}-", ignore_cleanup_errors=True)
+        temporary = TemporaryDirectory(
+            prefix=f"pulsepath-{os.getpid()}-", ignore_cleanup_errors=True
+        )
         folder = Path(stack.enter_context(temporary))
         with hold_interrupts():
             tracker.register(str(folder), "folder")  # removes it even if this process is killed
@@ -255,7 +265,9 @@ def open_pool(work: bytes, processes: int, modules: Sequence[str] = ()) -> Itera
 
 @contextmanager
 def hold_interrupts() -> Iterator[None]:
-    """Block Ctrl-C and hang-ups until the block ends: processes that start meanwhile inherit the mask."""
+    """Block Ctrl-C and hang-ups until the block ends: processes that start meanwhile inherit the
+    mask.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -369,7 +381,9 @@ class LocalHelpers:
         return submit
 
     def room(self) -> int:
-        """Return how many tasks may run at a time, with one for this process; 0 without processes."""
+        """Return how many tasks may run at a time, with one for this process; 0 without
+        processes.
+        """
         late = perf_counter() - self._begin > MIN_POOL_WORK
         can_start = late and self._deaths < MAX_DEATHS and _may_start()
         if self._pool is None and self._work is not None and can_start:

@@ -25,7 +25,9 @@ class Place:
     repetition: int | None = None
 
     def record(self) -> dict[str, Any]:
-        """Return the place as plain data, with its repetition only if the program runs more than once."""
+        """Return the place as plain data, with its repetition only if the program runs more than
+        once.
+        """
         repetition = {} if self.repetition is None else {"repetition": self.repetition}
         return {
             "axis": self.axis or None,
@@ -37,7 +39,9 @@ class Place:
 
     @staticmethod
     def columns(places: "Sequence[Place]") -> tuple[Column, ...]:
-        """Return the columns of places: axis, segment, distance and time, as far as any is known."""
+        """Return the columns of places: axis, segment, distance and time, as far as any is
+        known.
+        """
         units = "m" if any(place.segment is not None for place in places) else ""
         columns = (
             Column("at", [place.axis or None for place in places]),
@@ -63,7 +67,8 @@ class Place:
 
 @dataclass(eq=False, repr=False)
 class Infeasible(MotionError):
-    """A limit that no motion can keep: kind, axis, place, value and limit in a unit, and the remedy.
+    """A limit that no motion can keep: kind, axis, place, value and limit in a unit, and the
+    remedy.
 
     advise  function that finds more advice, which may take a second: called when `remedy` is read
     """

@@ -35,7 +35,15 @@ from planner.place import Infeasible
 from planner.plan_source import MadePlan, PlanSource
 from planner.program.model import Program
 from planner.program.program_file import ProgramSource, load_program
-from planner.pulses import AxesMotion, PulseSchedule, RealisedPath, Rule, generate, pace_axes, realised
+from planner.pulses import (
+    AxesMotion,
+    PulseSchedule,
+    RealisedPath,
+    Rule,
+    generate,
+    pace_axes,
+    realised,
+)
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, holds_triggers, trigger_tables
@@ -63,10 +71,11 @@ class Plan(Result, Interruptible, Requested):
     request          what the caller asked for, with order, duration and objective filled in
     source           motion, proof and pulses
     rounds, methods  rounds of solving until the proof held; solver of each run
-    lower_estimate   s, approximate least duration within the limits on speed and acceleration, and at
-                     the constant speeds of segments; NaN: unknown, as for a plan made in parts
+    lower_estimate   s, approximate least duration within the limits on speed and acceleration, and
+                     at the constant speeds of segments; NaN: unknown, as for a plan made in parts
     known            lower bound, once it was computed
-    doubts           why the plan may differ from the one that was proved; only for `unverified` ones
+    doubts           why the plan may differ from the one that was proved; only for `unverified`
+                     ones
     """
 
     request: PlanRequest
@@ -134,14 +143,18 @@ class Plan(Result, Interruptible, Requested):
 
     @property
     def bound(self) -> DurationBound:
-        """Proved lower bound of the duration, computed at its first use, which takes a few times as long as solving."""
+        """Proved lower bound of the duration, computed at its first use, which takes a few times as
+        long as solving.
+        """
         if not self.known:
             self.known.append(bound_duration(self.trajectory, self.limits, self.order))
         return self.known[0]
 
     @property
     def lower_bound(self) -> float:
-        """Proved lower bound (s) of all motions along this path within the limits, apart from `left_out`."""
+        """Proved lower bound (s) of all motions along this path within the limits, apart from
+        `left_out`.
+        """
         return self.bound.value
 
     @property
@@ -151,7 +164,8 @@ class Plan(Result, Interruptible, Requested):
 
     @property
     def worth(self) -> "Worth | None":
-        """Time that one per cent more of each limit saves, to first order, by the bound's multipliers.
+        """Time that one per cent more of each limit saves, to first order, by the bound's
+        multipliers.
 
         None: another goal than time.
         """
@@ -168,12 +182,17 @@ class Plan(Result, Interruptible, Requested):
 
     @property
     def exceeded(self) -> str:
-        """Warning about a blend or fit tolerance that is not proved after the input shapers; or ""."""
+        """Warning about a blend or fit tolerance that is not proved after the input shapers; or
+        "".
+        """
         return "" if self.shaped is None else describe_exceeded(self.path, self.shaped)
 
     @property
     def conditioning(self) -> Conditioning:
-        """Poorest conditioning of the Jacobian along the path. Near 0, the pose is nearly singular."""
+        """Poorest conditioning of the Jacobian along the path.
+
+        Near 0, the pose is nearly singular.
+        """
         return find_poorest(self.path)
 
     @property
@@ -196,14 +215,19 @@ class Plan(Result, Interruptible, Requested):
 
     @property
     def constant_speeds(self) -> tuple[Stretch, ...]:
-        """Stretches at exactly the speeds that segments with `speed_constant` ask for, to one part in 10⁹."""
+        """Stretches at exactly the speeds that segments with `speed_constant` ask for, to one part
+        in 10⁹.
+        """
         return find_stretches(
-            self.trajectory, self.certificate.use.get(CONSTANT_SPEED, np.zeros(len(self.trajectory.s)))
+            self.trajectory,
+            self.certificate.use.get(CONSTANT_SPEED, np.zeros(len(self.trajectory.s))),
         )
 
     @check_arguments()
     def realised(self, *, stride: int = 1) -> RealisedPath:
-        """Compare the pose that the pulses stand for with the planned one, at every stride-th interval."""
+        """Compare the pose that the pulses stand for with the planned one, at every stride-th
+        interval.
+        """
         return realised(self, stride=stride)
 
     @property
@@ -275,7 +299,8 @@ def plan(
     limits: Sequence[OwnLimit] = (),
     progress: Progress | None = None,
 ) -> Plan:
-    """Plan the fastest motion of a machine along a program, proved to respect every limit, and its pulses.
+    """Plan the fastest motion of a machine along a program, proved to respect every limit, and its
+    pulses.
 
     Parameters
     ----------
@@ -290,7 +315,8 @@ def plan(
         Duration (s) of the smoothest motion that is planned instead (`solve_stated`). None: the
         duration that the program states, if any.
     objective
-        "time", or a weighted sum with heat, as "time + 0.2 heat" (`planner.timing.goals.objective`).
+        "time", or a weighted sum with heat, as "time + 0.2 heat"
+        (`planner.timing.goals.objective`).
     gap, effort
         Largest share by which the motion may be longer than its proved lower bound, and the largest
         number of rounds that refine bound and grid for it (`solve_within`). `Plan.gap` is the share

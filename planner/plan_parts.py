@@ -1,7 +1,8 @@
-"""Plan a program of any length part by part, as it is read: the motion of each part, its proof and its pulses.
+"""Plan a program of any length part by part, as it is read: the motion of each part, its proof and
+its pulses.
 
-Each part comes with a stop. The parts up to any of them, together with its stop, are a certified motion that ends at
-rest. The next part takes the place of that stop.
+Each part comes with a stop. The parts up to any of them, together with its stop, are a certified
+motion that ends at rest. The next part takes the place of that stop.
 """
 
 from collections import Counter, deque
@@ -54,11 +55,14 @@ class PlanStanding(Result, Requested):
     """A plan up to the end of one of its parts, with the fields of `Plan` that can be known there.
 
     request          what the caller asked for, with order, duration and objective filled in
-    start            start of the next part: its time is the duration so far, its length that of the path
+    start            start of the next part: its time is the duration so far, its length that of the
+                     path
     segment          number of the last planned segment, from 1
     windows          number of windows
-    certificate      of the whole motion; `use` and `attained` have one entry per window, or per several windows
-    blends           joins that ask for a blend or a curve and have one; stops: joins where the motion stops instead
+    certificate      of the whole motion; `use` and `attained` have one entry per window, or per
+                     several windows
+    blends           joins that ask for a blend or a curve and have one; stops: joins where the
+                     motion stops instead
     pulses           the schedule so far, without its pulses
     counted          for each axis, its number of pulses, and its last count minus its first
     methods          solvers, with the number of runs of each
@@ -106,9 +110,10 @@ class PlanPart:
     """The part of a window that stays, and the stop that ends the motion if nothing follows.
 
     start, steps   start of the window, and its number of steps of the path
-    motion         trajectory of the part, on the path of the window; before any input shapers, after
-                   which the machine moves for the standing's duration
-    rest           trajectory of the stop, on the same path; None: the motion rests at the end of the part
+    motion         trajectory of the part, on the path of the window; before any input shapers,
+                   after which the machine moves for the standing's duration
+    rest           trajectory of the stop, on the same path; None: the motion rests at the end of
+                   the part
     pulses         final pulses of the part
     rest_pulses    pulses of the part that the next one may change, and those of the stop
     until          tick before which all pulses are final
@@ -145,11 +150,12 @@ def plan_parts(
     helpers: Helpers | None = None,
     progress: Progress = ignore_progress,
 ) -> Iterator[PlanPart]:
-    """Plan a program as it is read: the fastest motion, its proof and its pulses, in constant memory.
+    """Plan a program as it is read: the fastest motion, its proof and its pulses, in constant
+    memory.
 
-    The motion takes up to 0.1 % longer than if the whole were planned at once, as each window looks ahead only as far
-    as it reaches (`planner.windows`). If a stage needs the whole motion (`planner.needs_whole`), there
-    is one part, which is that of `plan`.
+    The motion takes up to 0.1 % longer than if the whole were planned at once, as each window looks
+    ahead only as far as it reaches (`planner.windows`). If a stage needs the whole motion
+    (`planner.needs_whole`), there is one part, which is that of `plan`.
 
     Parameters
     ----------
@@ -282,7 +288,10 @@ class _PartMaker:
         )
 
     def _is_last(self, window: Window) -> bool:
-        """Return whether a window has the last step. Otherwise the motion continues, maybe from rest."""
+        """Return whether a window has the last step.
+
+        Otherwise the motion continues, maybe from rest.
+        """
         return self._steps.ended and window.next.steps == self._steps.taken
 
     def _count_triggers(
@@ -435,7 +444,9 @@ def come_to_rest(part: PlanPart) -> PlanStanding:
         segment = part.rest.path.place(0.0, int(part.rest.piece[-1])).segment or segment
         proof = join_certificates(proof, part.rest_proof)
         length = part.start.length + float(part.rest.path.breaks[-1])
-        start = Start(start.elapsed + Fraction(part.rest.duration), length, part.start.steps + part.steps)
+        start = Start(
+            start.elapsed + Fraction(part.rest.duration), length, part.start.steps + part.steps
+        )
     stated = _append_crossings(standing.pulses, _without_pulses(pulses, standing.pulses))
     triggers = standing.triggers + len(part.rest_triggers)
     return replace(
@@ -453,7 +464,9 @@ def _without_pulses(pulses: PulseSchedule, first: PulseSchedule) -> PulseSchedul
     """Return a schedule without its pulses, with the start counts of the first part."""
     none = np.empty(0, np.int64), np.empty(0, np.int8)
     axes = zip(pulses.axes, first.axes, strict=True)
-    bare = tuple(replace(axis, ticks=none[0], direction=none[1], start=one.start) for axis, one in axes)
+    bare = tuple(
+        replace(axis, ticks=none[0], direction=none[1], start=one.start) for axis, one in axes
+    )
     return replace(pulses, axes=bare)
 
 
@@ -462,12 +475,16 @@ def _append_crossings(before: PulseSchedule, here: PulseSchedule) -> PulseSchedu
     pairs = zip(before.compensations, here.compensations, strict=True)
     return replace(
         here,
-        compensations=tuple(replace(after, windows=(*earlier.windows, *after.windows)) for earlier, after in pairs),
+        compensations=tuple(
+            replace(after, windows=(*earlier.windows, *after.windows)) for earlier, after in pairs
+        ),
     )
 
 
 class _Steps:
-    """The steps of a path in order, and the joins, chains and triggers that are still to be planned."""
+    """The steps of a path in order, and the joins, chains and triggers that are still to be
+    planned.
+    """
 
     def __init__(self, program: Program, machine: Machine, progress: Progress) -> None:
         """progress: called with the number of segments read, and of all."""

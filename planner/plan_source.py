@@ -38,7 +38,9 @@ class PlanSource(Protocol):
 
     @property
     def schedule(self) -> PulseSchedule:
-        """Clock, rule and duration of the pulses; the pulses themselves only if they are in memory."""
+        """Clock, rule and duration of the pulses; the pulses themselves only if they are in
+        memory.
+        """
 
     @property
     def duration(self) -> float:

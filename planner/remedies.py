@@ -111,7 +111,11 @@ class Remedy:
             return f"the start of the program already exceeds a limit ({self.start}): change start"
         if self.late:
             return f"what scale or move would fit the path to the machine was not found in {MAX_SEARCH_TIME:g} s"
-        moves = f" and no move of up to {TRIAL_MOVES[-1] * 1e3:g} mm along an axis" if self.movable else ""
+        moves = (
+            f" and no move of up to {TRIAL_MOVES[-1] * 1e3:g} mm along an axis"
+            if self.movable
+            else ""
+        )
         return (
             f"no scale about its start down to {TRIAL_SHARES[-1] * 100:g} %{moves} was found to fit the path to the "
             "machine"
@@ -126,9 +130,15 @@ def find_remedy(program: Program, machine: Machine, order: int) -> Remedy:
     start along. Equations are moved only if no scale fits.
     """
     search = _Search(machine, order, perf_counter() + MAX_SEARCH_TIME)
-    start = (default_start(program, machine) if program.start is None else program.start).translation
+    start = (
+        default_start(program, machine) if program.start is None else program.start
+    ).translation
     scale = search.find_share(lambda share: scale_program(program, start, share))
-    turn = search.find_share(lambda share: scale_rotations(program, share)) if states_rotation(program) else None
+    turn = (
+        search.find_share(lambda share: scale_rotations(program, share))
+        if states_rotation(program)
+        else None
+    )
     # every move of equations is a new expression, to be differentiated again
     costly = scale is not None and any(isinstance(segment, Curve) for segment in program.segments)
     movable = not costly and (program.start is not None or states_destination(program))
@@ -139,7 +149,11 @@ def find_remedy(program: Program, machine: Machine, order: int) -> Remedy:
     home = _describe_excess(machine, machine.home)
     if "travel" in home and machine.lengths:
         home += "; travel counts from the lengths at home"
-    first = "" if program.start is None else _describe_excess(machine, _platform_at(program.start, program, machine))
+    first = (
+        ""
+        if program.start is None
+        else _describe_excess(machine, _platform_at(program.start, program, machine))
+    )
     return Remedy(scale, turn, move, home, first, unit, movable, late)
 
 
@@ -151,7 +165,9 @@ def _platform_at(pose: Pose, program: Program, machine: Machine) -> Pose:
 
 
 def _describe_excess(machine: Machine, pose: Pose) -> str:
-    """Return the limit that the machine exceeds most in a pose; empty if it exceeds none or cannot tell."""
+    """Return the limit that the machine exceeds most in a pose; empty if it exceeds none or cannot
+    tell.
+    """
     margins = attempt(lambda: machine.check(pose))
     if isinstance(margins, MotionError) or margins.ok.all():
         return ""
@@ -186,7 +202,9 @@ class _Search:
         share = self._find_first(TRIAL_SHARES, change)
         if share is None:
             return None
-        sizes = [round(_round_down_share(share) - n * EXTRA_SHARE, 3) for n in range(MAX_EXTRA_STEPS)]
+        sizes = [
+            round(_round_down_share(share) - n * EXTRA_SHARE, 3) for n in range(MAX_EXTRA_STEPS)
+        ]
         sizes += [trial for trial in TRIAL_SHARES if trial < sizes[-1]]
 
         def halve(bad: float, good: float) -> float | None:
@@ -274,7 +292,11 @@ class _Search:
         try:
             path = actuate(change(size), self.machine)
             limits = limits_of(path, self.machine.axes, self.order)
-            return not prove_feasibility(path, limits).violations if prove else _fits_at_samples(path, limits)
+            return (
+                not prove_feasibility(path, limits).violations
+                if prove
+                else _fits_at_samples(path, limits)
+            )
         except MotionError:
             return False
 
@@ -291,4 +313,6 @@ def _fits_at_samples(path: MachinePath, limits: Sequence[Limit]) -> bool:
     if not np.isfinite(state.q).all():
         return False
     values = [(limit, limit.value(state)) for limit in limits if limit.geometric]
-    return all(limit.use(value, value, state.piece).max() <= 1 + LIMIT_ROUNDING for limit, value in values)
+    return all(
+        limit.use(value, value, state.piece).max() <= 1 + LIMIT_ROUNDING for limit, value in values
+    )

@@ -172,7 +172,9 @@ class PlanRequest:
                 f"omit it, or the one of {self.duration:g} s, which was stated"
             )
         if self.gap is not None and (self.duration is not None or heated):
-            raise MotionError("a gap is one to the fastest motion: omit it, or the stated duration or objective")
+            raise MotionError(
+                "a gap is one to the fastest motion: omit it, or the stated duration or objective"
+            )
         if self.solver != "passes":
             self._check_solver(heated)
 

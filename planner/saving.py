@@ -46,7 +46,9 @@ def stop_files(stops: Stops) -> Files:
     """Save stops as .npz: t, place, time and distance, little-endian float64, for `numpy.load`."""
 
     def write_arrays(path: Path) -> None:
-        arrays = {name: getattr(stops, name).astype("<f8") for name in ("t", "place", "time", "distance")}
+        arrays = {
+            name: getattr(stops, name).astype("<f8") for name in ("t", "place", "time", "distance")
+        }
         with path.open("wb") as file:
             np.savez(file, **arrays)
 

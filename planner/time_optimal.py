@@ -45,7 +45,8 @@ def time_optimal(
     Parameters
     ----------
     path
-        A SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter.
+        A SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any
+        parameter.
     max_speed, max_acceleration, max_jerk
         Bounds of |q̇|, |q̈| and, optionally, |q⃛|, in units of the values per second: one number;
         (n,); or (n, 2), towards smaller and towards greater values.
@@ -116,7 +117,10 @@ def _per_axis(name: str, values: ArrayLike | None, count: int) -> Sequence[Magni
         bounds = np.asarray(values, float)
     except (TypeError, ValueError, OverflowError):
         bounds = np.array(np.nan)  # words, complex numbers, ragged lists
-    if bounds.shape not in ((), (1,), (count,), (count, 2)) or not ((bounds > 0) & (bounds <= MOST)).all():
+    if (
+        bounds.shape not in ((), (1,), (count,), (count, 2))
+        or not ((bounds > 0) & (bounds <= MOST)).all()
+    ):
         raise MotionError(
             f"{name} = {values!r:.80} must be one positive number, or one for each of the {count} axes, or two, "
             f"at most {MOST:g}"
@@ -127,7 +131,9 @@ def _per_axis(name: str, values: ArrayLike | None, count: int) -> Sequence[Magni
 
 
 def _pieces(path: Any) -> tuple[Array, Array]:
-    """Return breaks (P+1,) and coefficients (degree+1, P, n) of the pieces with length and motion."""
+    """Return breaks (P+1,) and coefficients (degree+1, P, n) of the pieces with length and
+    motion.
+    """
     from scipy.interpolate import BPoly, BSpline, PPoly
 
     low = -np.inf
@@ -179,7 +185,9 @@ def _find_still(lengths: Array, coefficients: Array) -> np.ndarray:
     way = np.abs(coefficients[:-1] * lengths[:, None] ** powers).sum(0)
     values = coefficients[-1]
     most = STILL_SHARE * np.maximum(np.ptp(values, axis=0), way.max(0))
-    least = (way <= most / 8).all(1)  # each swing is about a quarter of the one before, on both sides
+    least = (way <= most / 8).all(
+        1
+    )  # each swing is about a quarter of the one before, on both sides
     still = np.asarray(~coefficients[:-1].any((0, 2)), bool)
     # successive pieces that hardly move are still if all of them together hardly move
     begins = np.flatnonzero(np.diff(least.astype(int), prepend=0) == 1)

@@ -148,7 +148,9 @@ class Trajectory(Result):
 
     def __repr__(self) -> str:
         axes = count_noun(len(self.path.names), "axis")
-        return f"<Trajectory: {self.duration:.6g} s, {axes}, {count_noun(len(self.s), 'time piece')}>"
+        return (
+            f"<Trajectory: {self.duration:.6g} s, {axes}, {count_noun(len(self.s), 'time piece')}>"
+        )
 
     def tables(self) -> tuple[Table, ...]:
         """Return the range of each axis, and the largest sampled values of its derivatives."""
@@ -172,7 +174,9 @@ class Trajectory(Result):
         return (Table(title, tuple(columns)),)
 
     def data(self) -> Table:
-        """Return the motion every millisecond (above 1000 s, less often): distance, pose and axes."""
+        """Return the motion every millisecond (above 1000 s, less often): distance, pose and
+        axes.
+        """
         values = rows(self, row_instants(self.duration))
         headings = column_headings(self.path)
         columns = (Column(name, values[:, k], unit) for k, (name, unit) in enumerate(headings))
@@ -237,8 +241,8 @@ class Trajectory(Result):
     ) -> State:
         """Return the state `tau` (s) after the start of time piece k, each (N,).
 
-        On a knot the caller chooses the side by k. jerk: compute q⃛ at once, with the others. axis: of
-        this axis alone, always with `jerk`.
+        On a knot the caller chooses the side by k. jerk: compute q⃛ at once, with the others. axis:
+        of this axis alone, always with `jerk`.
         """
         s, sd, sdd = self.advance(k, tau)
         j = self.j[k]

@@ -1,13 +1,16 @@
-"""Plan a path of any length window by window. Each window continues the previous one, and ends at rest.
+"""Plan a path of any length window by window.
 
-A window is solved to a stop at its end, and proved as a whole. The next window continues from a break
-before that stop, at the speed and acceleration there. So the motion planned up to any instant is proved
-and comes to rest. The stop is so far after the break that it hardly changes the motion before it.
+Each window continues the previous one, and ends at rest.
+
+A window is solved to a stop at its end, and proved as a whole. The next window continues from a
+break before that stop, at the speed and acceleration there. So the motion planned up to any instant
+is proved and comes to rest. The stop is so far after the break that it hardly changes the motion
+before it.
 
 Between two stops of the path, windows depend on nothing else. Such stretches can be planned in any
-process, and equal ones are planned and proved once. The path of a window begins at length 0, so that
-the windows of equal stretches are the same numbers, bit for bit. Only path and limits are made for
-each place.
+process, and equal ones are planned and proved once. The path of a window begins at length 0, so
+that the windows of equal stretches are the same numbers, bit for bit. Only path and limits are made
+for each place.
 """
 
 from bisect import bisect_left
@@ -41,13 +44,14 @@ from planner.timing.problem import Continuation, Settings
 BRAKINGS = 4.0
 # Largest window, in initial window sizes, for a machine that brakes over many pieces.
 MAX_GROWTH = 8
-# Share of the intervals after a break whose grid the next window takes over. Near the stop the grid is
-# far too fine for it.
+# Share of the intervals after a break whose grid the next window takes over. Near the stop the grid
+# is far too fine for it.
 KNOWN_SHARE = 0.5
-# Breaks from which the next window may continue. They are tried in turn until one leads to a motion.
+# Breaks from which the next window may continue. They are tried in turn until one leads to a
+# motion.
 SEAMS = 3
-# Largest stretch for a helper, in steps. A longer one is planned in this process as its steps come, in
-# little memory.
+# Largest stretch for a helper, in steps. A longer one is planned in this process as its steps come,
+# in little memory.
 MAX_SHARED = 4096
 # Steps of all stretches whose windows are remembered: it bounds the memory.
 MOST_REMEMBERED = 2 * MAX_SHARED
@@ -160,8 +164,13 @@ class _Memory:
         self._planned: dict[Hashable, tuple[_PlannedOnce, int]] = {}
         self._steps = 0
 
-    def find(self, key: Hashable, steps: Sequence[PathStep], submit: Callable[[], Share]) -> _PlannedOnce:
-        """Return the share of an equal stretch, or submit this one. Without a key it equals no other."""
+    def find(
+        self, key: Hashable, steps: Sequence[PathStep], submit: Callable[[], Share]
+    ) -> _PlannedOnce:
+        """Return the share of an equal stretch, or submit this one.
+
+        Without a key it equals no other.
+        """
         if key is None:
             return _PlannedOnce(submit(), steps[0].piece)
         planned, count = self._planned.pop(key, (None, 0))
@@ -176,7 +185,9 @@ class _Memory:
 
 @dataclass(frozen=True, slots=True)
 class _Seam:
-    """A break from which the next window may continue, after this number of steps and time pieces."""
+    """A break from which the next window may continue, after this number of steps and time
+    pieces.
+    """
 
     steps: int
     knot: int
@@ -198,9 +209,10 @@ class WindowPlanner:
     limit    function of a path that returns its limits
     tool     frame of the tool in the platform's, if the pieces count the tool's path length
     pieces   initial size of a window
-    placed   whether places in proofs and refusals count from the start of the path; else of the window
-    copying  whether equal stretches have equal limits, so that one is planned for all; a caller's own
-             limits may depend on the place
+    placed   whether places in proofs and refusals count from the start of the path; else of the
+             window
+    copying  whether equal stretches have equal limits, so that one is planned for all; a caller's
+             own limits may depend on the place
     """
 
     machine: Machine
@@ -211,8 +223,12 @@ class WindowPlanner:
     placed: bool = True
     copying: bool = False
 
-    def __call__(self, steps: Iterable[PathStep], helpers: Helpers | None = None) -> Iterator[Window]:
-        """Plan all steps of a path, from rest to rest. The windows are the same with and without helpers.
+    def __call__(
+        self, steps: Iterable[PathStep], helpers: Helpers | None = None
+    ) -> Iterator[Window]:
+        """Plan all steps of a path, from rest to rest.
+
+        The windows are the same with and without helpers.
 
         Raises as `certified_solve` and as the steps, after all windows before the refused step.
         """
@@ -227,9 +243,9 @@ class WindowPlanner:
     def _split(self, steps: Iterable[PathStep]) -> Iterator[Iterator[PathStep]]:
         """Yield stretches from stop to stop. Each must be consumed before the next.
 
-        A stretch ends at the last stop within the initial size of a window, or at the next stop. That
-        depends on the path alone. Stops between repetitions are preferred, so that the stretches of all
-        repetitions are equal.
+        A stretch ends at the last stop within the initial size of a window, or at the next stop.
+        That depends on the path alone. Stops between repetitions are preferred, so that the
+        stretches of all repetitions are equal.
         """
         coming, ahead = iter(steps), list[PathStep]()
         while True:
@@ -241,7 +257,9 @@ class WindowPlanner:
             stops = [n + 1 for n, step in enumerate(ahead) if self._stops(step)]
             if stops:
                 repetitions = [step.piece.repetition for step in ahead]
-                whole = [n for n in stops if n < len(ahead) and repetitions[n - 1] != repetitions[n]]
+                whole = [
+                    n for n in stops if n < len(ahead) and repetitions[n - 1] != repetitions[n]
+                ]
                 last = (whole or stops)[-1]
                 yield iter(ahead[:last])
                 del ahead[:last]
@@ -262,8 +280,8 @@ class WindowPlanner:
     def _share(self, stretches: Iterator[Iterator[PathStep]], helpers: Helpers) -> Iterator[Window]:
         """Submit stretches to helpers, and yield their windows in order.
 
-        This process plans a long stretch, an only stretch, and one whose steps end with a refusal, so
-        that the refusal comes after the same windows as without helpers.
+        This process plans a long stretch, an only stretch, and one whose steps end with a refusal,
+        so that the refusal comes after the same windows as without helpers.
         """
         submit = helpers.prepare(self.plan_share)
         submitted = deque[tuple[list[PathStep], _PlannedOnce]]()
@@ -315,8 +333,8 @@ class WindowPlanner:
     def _describe(self, steps: Sequence[PathStep], near: Array) -> Hashable:
         """Return the data that determine the windows of a stretch, apart from its place.
 
-        None: the stretch must not be copied. Numbers of segments and repetitions count from its first
-        piece, so that places can be moved.
+        None: the stretch must not be copied. Numbers of segments and repetitions count from its
+        first piece, so that places can be moved.
         """
         first = steps[0].piece
         if not self.copying or first.repetition is None:
@@ -337,8 +355,12 @@ class WindowPlanner:
     def _near(self, start: Start) -> Array:
         return self.machine.home_q if start.near is None else start.near
 
-    def _take_share(self, steps: list[PathStep], share: _PlannedOnce, start: Start) -> Generator[Window, None, Start]:
-        """Yield the windows of a stretch, planned for it or for an equal one, at its place on the path."""
+    def _take_share(
+        self, steps: list[PathStep], share: _PlannedOnce, start: Start
+    ) -> Generator[Window, None, Start]:
+        """Yield the windows of a stretch, planned for it or for an equal one, at its place on the
+        path.
+        """
         done = 0
         for window in share.result(partial(self.plan_share, (steps, self._near(start)))):
             placed = self._place(window, steps[done:], start, (share.first, steps[0].piece))
@@ -349,7 +371,8 @@ class WindowPlanner:
         return start
 
     def plan_share(self, stretch: Stretch) -> list[Window]:
-        """Return the windows of a stretch up to a refusal, without their paths and limits: a helper's work.
+        """Return the windows of a stretch up to a refusal, without their paths and limits: a
+        helper's work.
 
         Time, length and steps count from the start of the stretch, places from that of each window.
         """
@@ -362,10 +385,13 @@ class WindowPlanner:
                 windows.append(replace(window, solution=solution))
         return windows
 
-    def _place(self, window: Window, steps: Sequence[PathStep], start: Start, firsts: tuple[Piece, Piece]) -> Window:
+    def _place(
+        self, window: Window, steps: Sequence[PathStep], start: Start, firsts: tuple[Piece, Piece]
+    ) -> Window:
         """Return a planned window at its place, on the first of these steps.
 
-        firsts: first piece of the stretch that it was planned for, and of the one that it is placed in.
+        firsts: first piece of the stretch that it was planned for, and of the one that it is placed
+        in.
         """
         path = self._draw(steps[: window.steps], start)
         onward = window.next
@@ -387,8 +413,12 @@ class WindowPlanner:
         )
         return Window(solution, start, window.steps, window.kept, onward)
 
-    def _plan_stretch(self, coming: Iterator[PathStep], start: Start) -> Generator[Window, None, Start]:
-        """Yield the windows of a stretch, or of the rest of one. Return the start of the next stretch.
+    def _plan_stretch(
+        self, coming: Iterator[PathStep], start: Start
+    ) -> Generator[Window, None, Start]:
+        """Yield the windows of a stretch, or of the rest of one.
+
+        Return the start of the next stretch.
 
         A solved window stays pending until its successor is solved from one of its breaks. If no
         successor can be solved, the motion ends with the stop of the last solved window.
@@ -438,14 +468,20 @@ class WindowPlanner:
             last_stop = None
             del ahead[: len(steps)]
 
-    def _plan_before(self, steps: Sequence[PathStep], start: Start, count: int) -> Generator[Window, None, None]:
+    def _plan_before(
+        self, steps: Sequence[PathStep], start: Start, count: int
+    ) -> Generator[Window, None, None]:
         """Yield a window of the steps before the first refused one, if there are any."""
         solve = cache(lambda number: attempt(partial(self._solve, steps[:number], start)))
-        fine = bisect_left(range(1, len(steps)), True, key=lambda number: isinstance(solve(number), MotionError))
+        fine = bisect_left(
+            range(1, len(steps)), True, key=lambda number: isinstance(solve(number), MotionError)
+        )
         if fine:
             yield from self._stop(require(solve(fine)), start, fine, count)
 
-    def _stop(self, solution: Solution, start: Start, steps: int, count: int | None) -> Generator[Window, None, Start]:
+    def _stop(
+        self, solution: Solution, start: Start, steps: int, count: int | None
+    ) -> Generator[Window, None, Start]:
         """Yield a window with its stop. Return the start of the next."""
         motion = solution.trajectory
         length = start.length + float(motion.path.breaks[-1])
@@ -458,7 +494,9 @@ class WindowPlanner:
     def _solve(self, steps: Sequence[PathStep], start: Start) -> Solution:
         """Solve the motion from a start to a stop after the last step."""
         path = self._draw(steps, start)
-        return certified_solve(path, self.limit(path), self.order, settings=Settings(continuation=start.continuation))
+        return certified_solve(
+            path, self.limit(path), self.order, settings=Settings(continuation=start.continuation)
+        )
 
     def _draw(self, steps: Sequence[PathStep], start: Start) -> MachinePath:
         return MachinePath(
@@ -506,7 +544,9 @@ class WindowPlanner:
 
 
 def _move_place(at: Place, start: Start, planned: Piece, here: Piece) -> Place:
-    """Move a place of a window to its start, in a stretch that begins with `here` instead of `planned`."""
+    """Move a place of a window to its start, in a stretch that begins with `here` instead of
+    `planned`.
+    """
     segment, repetition = at.segment, at.repetition
     if segment is not None:
         segment += here.segment - planned.segment
@@ -531,7 +571,9 @@ def _find_resonating(solution: Solution, knots: np.ndarray) -> np.ndarray:
     """
     motion = solution.trajectory
     resonating = np.zeros(len(knots), bool)
-    bands = [band for limit in solution.limits if isinstance(limit, Resonance) for band in limit.bands]
+    bands = [
+        band for limit in solution.limits if isinstance(limit, Resonance) for band in limit.bands
+    ]
     if not bands:
         return resonating
     speeds = np.abs(motion.within(knots, np.zeros(len(knots))).qd)
@@ -544,9 +586,15 @@ def _find_resonating(solution: Solution, knots: np.ndarray) -> np.ndarray:
 
 
 def _find_seams(solution: Solution, steps: Sequence[PathStep]) -> list[_Seam]:
-    """Return breaks from which the way to the stop takes BRAKINGS times as long as braking, in order."""
+    """Return breaks from which the way to the stop takes BRAKINGS times as long as braking, in
+    order.
+    """
     motion = solution.trajectory
-    run = 0 if solution.last_room is None else len(motion.s) - len(next(iter(solution.last_room.values()), ()))
+    run = (
+        0
+        if solution.last_room is None
+        else len(motion.s) - len(next(iter(solution.last_room.values()), ()))
+    )
     slower = np.flatnonzero(np.diff(motion.v) > 0)  # ṡ falls from the knot after the last of these
     braking = motion.duration - float(motion.knots[slower[-1] + 1 if len(slower) else 0])
     ends = np.cumsum([step.piece.length for step in steps])[:-1]

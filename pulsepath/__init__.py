@@ -1,4 +1,5 @@
-"""The fastest motion a machine can make along a path, proved to respect every limit, as exact pulse times.
+"""The fastest motion a machine can make along a path, proved to respect every limit, as exact pulse
+times.
 
     import pulsepath as pp
 
@@ -26,8 +27,8 @@ _REPORTS = {
 
 
 def __getattr__(name: str) -> object:
-    """A module of this package, or a public name of the packages below [PEP 562], each of which loads it where it is;
-    kept here from then on.
+    """A module of this package, or a public name of the packages below [PEP 562], each of which
+    loads it where it is; kept here from then on.
     """
     if find_spec(f"{__name__}.{name}") is not None:  # an import of it asks here first
         return import_module(f"{__name__}.{name}")
@@ -35,7 +36,9 @@ def __getattr__(name: str) -> object:
     import kinematics
     import planner
 
-    home = {name: face.__name__ for face in (kinematics, planner, controllers) for name in face.__all__} | _REPORTS
+    home = {
+        name: face.__name__ for face in (kinematics, planner, controllers) for name in face.__all__
+    } | _REPORTS
     if name == "__all__":
         return sorted(home.keys() - _INNER)
     if name not in home:

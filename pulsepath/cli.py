@@ -39,7 +39,8 @@ SECTIONS = {
 )
 @click.version_option(__version__, prog_name="pulsepath")
 def main() -> None:
-    """Plan the fastest motion a machine can make along a path, proved to respect every limit, as exact pulse times.
+    """Plan the fastest motion a machine can make along a path, proved to respect every limit, as
+    exact pulse times.
 
     PROGRAM and MACHINE are preset names or paths of TOML files.
 

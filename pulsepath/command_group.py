@@ -59,7 +59,10 @@ class Commands(click.Group):
         room = formatter.width - 6 - width
         for title, commands in sections.items():
             if commands:
-                rows = [(f"{command.name:<{width}}", command.get_short_help_str(room)) for command in commands]
+                rows = [
+                    (f"{command.name:<{width}}", command.get_short_help_str(room))
+                    for command in commands
+                ]
                 with formatter.section(title):
                     formatter.write_dl(rows)
 

@@ -10,6 +10,7 @@ import click
 
 from planner import request
 from pulsepath import known_names, registries
+from pulsepath.docstrings import first_paragraph
 from pulsepath.options import read_quantity
 from pulsepath.registries import Option
 from pulsepath.request_options import describe_option, find_flag
@@ -40,7 +41,7 @@ class Formats:
 
     def helps(self) -> dict[str, str]:
         """Return the help of each format that the command offers, by name."""
-        added = {name: (kind.__doc__ or "").splitlines()[0] for name, kind in self._added()}
+        added = {name: first_paragraph(kind) for name, kind in self._added()}
         return {**self.listed, **added}
 
     def names(self) -> list[str]:

@@ -44,15 +44,16 @@ from pulsepath.requests import MOST_BOUNDED, ReportRequest
 if TYPE_CHECKING:
     from benchmarks.reports.page import Picture
 
-# Intervals between pulses at which the realised path is computed: more take over a second, fewer change
-# its RMS by more than 2 %.
+# Intervals between pulses at which the realised path is computed: more take over a second, fewer
+# change its RMS by more than 2 %.
 REALISED_SAMPLES = 25_000
 
 # Time pieces for which a bound takes one second, approximately.
 BOUNDED_EACH_SECOND = 1_000
 
-# Cost of planning in cells of a quick bound, measured: of a time piece by order, and of each run between
-# stops. Cells are counted instead of timed, so that the result does not depend on the computer.
+# Cost of planning in cells of a quick bound, measured: of a time piece by order, and of each run
+# between stops. Cells are counted instead of timed, so that the result does not depend on the
+# computer.
 CELLS_PER_PIECE = {2: 0.2, 3: 0.5}
 CELLS_PER_RUN = 10
 # Cost of the bound of a run in addition to its cells, in cells.
@@ -125,7 +126,9 @@ def time_baselines(course: Course | Plan) -> BaselineTimings:
     return BaselineTimings(tuple(timings), tuple(notes))
 
 
-def time_baselines_ahead(program: Program, machine: Machine, like: int | None = None) -> BaselineTimings:
+def time_baselines_ahead(
+    program: Program, machine: Machine, like: int | None = None
+) -> BaselineTimings:
     """Compute the baselines while the plan is made. like: only the one for a plan of this order."""
     untimed = course(program, machine, 2)
     return time_baselines(untimed) if like is None else time_like_baseline(untimed, like)
@@ -190,7 +193,9 @@ def _record_machine(plan: Plan) -> str:
 
 def _track_laws(plan: Plan, rig: Rig) -> tuple[Metrics, ...]:
     laws = [find_law(law, rig) for law in LAWS]
-    return evaluate_each(track_each(plan, plan.machine, laws, rig=rig, period=PERIOD), plan, plan.machine)
+    return evaluate_each(
+        track_each(plan, plan.machine, laws, rig=rig, period=PERIOD), plan, plan.machine
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,7 +295,9 @@ def run(
 
 
 def examine(plan: Plan, report: ReportRequest) -> PlanReport:
-    """Find what the report requests about a motion: bound, worth, quantization, stops, cross-check."""
+    """Find what the report requests about a motion: bound, worth, quantization, stops,
+    cross-check.
+    """
     quick = report.bound_effort == "auto" and not plan.known
     unbounded = _prove_bound(plan, report.bound_effort, report.worth)
     worth: Worth | None = None
@@ -365,7 +372,10 @@ def _find_stops(plan: Plan, count: int | None) -> Stops | None:
 
 
 def _prove_bound(planned: Plan, bound: str, worth: bool | None) -> str:
-    """Prove the lower bound of a plan with the requested effort. Return why there is no bound, or an empty text."""
+    """Prove the lower bound of a plan with the requested effort.
+
+    Return why there is no bound, or an empty text.
+    """
     if planned.known or bound == "none":
         return ""
     pieces = len(planned.trajectory.s)
@@ -378,12 +388,16 @@ def _prove_bound(planned: Plan, bound: str, worth: bool | None) -> str:
         return f"{why}: give --bound full to have it all the same" if planned.fastest else ""
     with step("proving a lower bound"):
         motion = planned.trajectory
-        planned.known.append(bound_duration(motion, planned.limits, planned.order, most_cells=most_cells))
+        planned.known.append(
+            bound_duration(motion, planned.limits, planned.order, most_cells=most_cells)
+        )
     return ""
 
 
 def find_affordable_cells(planned: Plan) -> int:
-    """Return the number of cells of a bound that takes as long as planning; 0: the fewest take longer."""
+    """Return the number of cells of a bound that takes as long as planning; 0: the fewest take
+    longer.
+    """
     pieces, runs = len(planned.trajectory.s), _count_runs(planned)
     cells = int(CELLS_PER_PIECE[planned.order] * pieces) + (CELLS_PER_RUN - CELLS_OVERHEAD) * runs
     cells = max(cells, CELLS_AT_ONCE)
@@ -401,7 +415,10 @@ def describe_unbounded(pieces: int) -> str:
 
 
 def _replan_best(worth: Worth | None) -> LimitChange | None:
-    """Plan with the most valuable limit raised. None: no limit saves time, or there is no motion."""
+    """Plan with the most valuable limit raised.
+
+    None: no limit saves time, or there is no motion.
+    """
     if worth is None or worth.best is None:
         return None
     try:
@@ -420,11 +437,16 @@ def _describe_solution(planned: Plan) -> str:
     """Describe how the motion was solved."""
     runs = ", ".join(f"{count} by {method}" for method, count in Counter(planned.methods).items())
     near = f"; {planned.bound.describe()}" if planned.known and planned.fastest else ""
-    return f"order {planned.order}, solve rounds: {planned.rounds}, runs between stops: {runs}{near}"
+    return (
+        f"order {planned.order}, solve rounds: {planned.rounds}, runs between stops: {runs}{near}"
+    )
 
 
 def _compute_realised_path(planned: Plan) -> RealisedPath | None:
-    """Return the path that the pulses make. None: the machine is singular on the way, so that counts give no pose."""
+    """Return the path that the pulses make.
+
+    None: the machine is singular on the way, so that counts give no pose.
+    """
     try:
         with step("computing quantization error"):
             return planned.realised(stride=max(1, planned.pulses.total // REALISED_SAMPLES))

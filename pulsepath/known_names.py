@@ -56,7 +56,9 @@ def stop_formats() -> list[str]:
 def make_completer(*sources: Callable[[], Iterable[str]], files: bool = False) -> Completer:
     """Return a function that completes names of `sources`, and with `files` those of files."""
 
-    def complete(context: "click.Context", parameter: "click.Parameter", begun: str) -> list["CompletionItem"]:
+    def complete(
+        context: "click.Context", parameter: "click.Parameter", begun: str
+    ) -> list["CompletionItem"]:
         from click.shell_completion import CompletionItem
 
         names = [name for source in sources for name in source()]

@@ -41,13 +41,16 @@ def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) ->
         of = f"program {program.name} on {inputs.machine.name}"
         raise MotionError(f"--stream: {of} cannot be planned in parts{why}, or give --whole")
     if why is not None:
-        note(f"note: planned as a whole, which takes long and much memory; it cannot be planned in parts{why}")
+        note(
+            f"note: planned as a whole, which takes long and much memory; it cannot be planned in parts{why}"
+        )
     return why is None
 
 
 @contextmanager
 def open_helpers(cluster: str | None) -> Iterator[Helpers]:
-    """Open the workers of a Dask scheduler by its address or file; None: processes of this computer.
+    """Open the workers of a Dask scheduler by its address or file; None: processes of this
+    computer.
 
     Raises as `planner.cluster.open_cluster`.
     """
@@ -57,7 +60,9 @@ def open_helpers(cluster: str | None) -> Iterator[Helpers]:
         else:
             from planner.cluster import open_cluster
 
-            yield stack.enter_context(open_cluster(cluster, tell=lambda text: note(f"note: {text}")))
+            yield stack.enter_context(
+                open_cluster(cluster, tell=lambda text: note(f"note: {text}"))
+            )
 
 
 def run_parts(
@@ -79,8 +84,8 @@ def run_parts(
         require("--cross-check")
     planned_until = 0.0
     planned, ahead, read = _Place(inputs), _Place(inputs), 0
-    # Time at the end of the first part, its segments and its motion (s). Libraries are loaded and kernels are built
-    # before that, which would spoil an estimate of the time left.
+    # Time at the end of the first part, its segments and its motion (s). Libraries are loaded and
+    # kernels are built before that, which would spoil an estimate of the time left.
     first: tuple[float, int, float] | None = None
 
     def describe(done: int, of: int) -> str:
@@ -128,9 +133,16 @@ class _Place:
         self._line: int | None = None
 
     def find(self, segment: int, of: int) -> str:
-        """Return the line of a segment, or its number if it has no line. Segments must come in order."""
+        """Return the line of a segment, or its number if it has no line.
+
+        Segments must come in order.
+        """
         if self._repeats:
             return f"segment {segment} of {of}, all repetitions"
         for line in islice(self._lines, max(0, segment - self._segment)):
             self._segment, self._line = self._segment + 1, line
-        return f"segment {segment} of {of}" if self._line is None else f"line {self._line} of {self._total}"
+        return (
+            f"segment {segment} of {of}"
+            if self._line is None
+            else f"line {self._line} of {self._total}"
+        )

@@ -1,6 +1,7 @@
 """Figures of all results. Each function draws on `ax`, or on a new figure.
 
-It returns the axes (of a gain report a list of them); `axes.figure` is the figure, which a notebook shows.
+It returns the axes (of a gain report a list of them); `axes.figure` is the figure, which a notebook
+shows.
 """
 
 from benchmarks.reports.gain.setting_figures import gains, pareto

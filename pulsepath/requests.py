@@ -150,7 +150,9 @@ class ReportRequest:
     def examines_motion(self) -> bool:
         """True if a requested result needs the whole motion of a plan in parts in memory."""
         requests = (self.rig, self.stops, self.worth or None)
-        return self.cross_check or self.bound == "full" or any(each is not None for each in requests)
+        return (
+            self.cross_check or self.bound == "full" or any(each is not None for each in requests)
+        )
 
     @property
     def bound_effort(self) -> str:

@@ -10,7 +10,9 @@ from threading import Thread
 
 import pytest
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 """Path of a browser; `.ci/run` installs one where it can."""
 OPTIONS = (
     "--headless=new",
@@ -21,11 +23,15 @@ OPTIONS = (
     "--enable-logging=stderr",
     "--enable-unsafe-swiftshader",
 )
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; .ci/run installs one")
+needs_browser = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium here; .ci/run installs one"
+)
 
 
 def browse(folder, page, *options):
-    """What a browser prints of a page's file with these options (`--dump-dom`, `--print-to-pdf=…`)."""
+    """What a browser prints of a page's file with these options (`--dump-dom`,
+    `--print-to-pdf=…`).
+    """
     command = [CHROMIUM, *OPTIONS, f"--user-data-dir={folder / 'profile'}", *options, page.as_uri()]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
 
@@ -33,8 +39,17 @@ def browse(folder, page, *options):
 @contextmanager
 def visit(folder, url):
     """Within, a browser shows the page at an address."""
-    command = [CHROMIUM, *OPTIONS, f"--user-data-dir={folder / 'profile'}", "--window-size=1400,900", url]
-    with (folder / "log").open("w") as log, subprocess.Popen(command, stdout=log, stderr=log) as browser:
+    command = [
+        CHROMIUM,
+        *OPTIONS,
+        f"--user-data-dir={folder / 'profile'}",
+        "--window-size=1400,900",
+        url,
+    ]
+    with (
+        (folder / "log").open("w") as log,
+        subprocess.Popen(command, stdout=log, stderr=log) as browser,
+    ):
         try:
             yield
         finally:
@@ -42,12 +57,15 @@ def visit(folder, url):
 
 
 def act_in(folder, page, script, size="1400,900", *options):
-    """What a script, run at the end of the page, sends by `fetch("/said", …)`, and what the browser logs.
+    """What a script, run at the end of the page, sends by `fetch("/said", …)`, and what the browser
+    logs.
 
     In real time: with a virtual clock, timers run ahead of the frames that a page draws in.
     """
     text = page.read_text(encoding="utf-8")
-    text = text.replace("connect-src", "connect-src 'self'")  # what is sent must be allowed by the page's policy
+    text = text.replace(
+        "connect-src", "connect-src 'self'"
+    )  # what is sent must be allowed by the page's policy
     if "connect-src" not in text:
         text = text.replace("default-src 'none'", "default-src 'none'; connect-src 'self'", 1)
     text = text.replace("</body>", f"<script>{script}</script></body>").encode()
@@ -68,9 +86,18 @@ def act_in(folder, page, script, size="1400,900", *options):
         def log_message(self, *args):
             pass
 
-    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server, (folder / "log").open("w+") as log:
+    with (
+        ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server,
+        (folder / "log").open("w+") as log,
+    ):
         Thread(target=server.serve_forever, daemon=True).start()
-        command = [CHROMIUM, *OPTIONS, f"--user-data-dir={folder / 'profile'}", f"--window-size={size}", *options]
+        command = [
+            CHROMIUM,
+            *OPTIONS,
+            f"--user-data-dir={folder / 'profile'}",
+            f"--window-size={size}",
+            *options,
+        ]
         url = f"http://127.0.0.1:{server.server_port}/"
         browser = subprocess.Popen([*command, url], stdout=log, stderr=log, text=True)
         try:

@@ -1,4 +1,6 @@
-"""How long tests may take: bounds of time that hold on slower machines and beside other work, and counts of cases."""
+"""How long tests may take: bounds of time that hold on slower machines and beside other work, and
+counts of cases.
+"""
 
 import os
 from collections.abc import Callable, Iterator
@@ -9,16 +11,23 @@ WORK: dict[Callable[[], object], float] = {
     lambda: sum(k * k for k in range(300_000)): 0.0175,
     lambda: {str(k): (float(f"{k}.25"), [k]) for k in range(60_000)}: 0.06,
 }
-"""Arithmetic, and making objects, which slows down more beside others that do; and s of CPU that each took on the
-machine that the bounds were written on."""
+"""Arithmetic, and making objects, which slows down more beside others that do; and s of CPU that
+each took on the machine that the bounds were written on.
+"""
 
 LONG = os.environ.get("PULSEPATH_LONG_TESTS") == "1"
-"""Whether many cases are to be tried where some show the same: before a release, as CONTRIBUTING.md says."""
+"""Whether many cases are to be tried where some show the same: before a release, as CONTRIBUTING.md
+says.
+"""
 
 
 def slowness() -> float:
-    """Times that this machine is slower, 1 at least: by the CPU time of two kinds of work, each the least of five."""
-    return max(1.0, *(min(_took(work) for _ in range(5)) / written_on for work, written_on in WORK.items()))
+    """Times that this machine is slower, 1 at least: by the CPU time of two kinds of work, each the
+    least of five.
+    """
+    return max(
+        1.0, *(min(_took(work) for _ in range(5)) / written_on for work, written_on in WORK.items())
+    )
 
 
 def _took(work: Callable[[], object]) -> float:
@@ -29,7 +38,9 @@ def _took(work: Callable[[], object]) -> float:
 
 @contextmanager
 def cpu_limit(seconds: float) -> Iterator[None]:
-    """Holds what is done inside to s of CPU of this process, on the machine that the bounds were written on."""
+    """Holds what is done inside to s of CPU of this process, on the machine that the bounds were
+    written on.
+    """
     begin = process_time()
     yield
     took = process_time() - begin

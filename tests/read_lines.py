@@ -10,4 +10,6 @@ def read(path, clock_hz, axes, home_q, *, start=None, duration=None):
     """start: counts before the first pulse, None: 0; duration (s), None: up to the last row."""
     held = list(parts(path, clock_hz, axes, home_q, start=start))
     schedule = join_schedules(part.schedule for part in held)
-    return Lines(schedule if duration is None else replace(schedule, duration=duration), held[-1].times)
+    return Lines(
+        schedule if duration is None else replace(schedule, duration=duration), held[-1].times
+    )

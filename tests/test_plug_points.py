@@ -1,4 +1,6 @@
-"""What a new kind of machine, limit, law, format or firing rule touches: its file, its table, and few others."""
+"""What a new kind of machine, limit, law, format or firing rule touches: its file, its table, and
+few others.
+"""
 
 import ast
 import re
@@ -21,10 +23,15 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("kinematics", "planner", "controllers", "benchmarks", "pulsepath")
 MOST_FILES = 4
 REGISTRIES = "pulsepath/registries.py"
-"""Lists the names of all tables for the command line; tests/pulsepath/test_registries.py compares."""
+"""Lists the names of all tables for the command line; tests/pulsepath/test_registries.py
+compares.
+"""
 
 TABLES = {
-    "machine": ("kinematics/machine/machine_file.py", {kind for entry in KINDS.values() for kind in entry[:2]}),
+    "machine": (
+        "kinematics/machine/machine_file.py",
+        {kind for entry in KINDS.values() for kind in entry[:2]},
+    ),
     "limit": ("planner/limits/registry.py", {*AXIS_LIMITS, *MACHINE_LIMITS}),
     "law": ("controllers/laws/registry.py", {*LAWS.values()}),
     "export": ("planner/export/format.py", {*FORMATS.values()}),
@@ -39,12 +46,16 @@ DELIBERATE = {
     "planner/bounds/lower_bound.py": "proves a bound from the limits whose rows it encloses, and names the others",
     "planner/baselines/classical.py": "trapezoids, whose limits are stated of the axes alone",
 }
-"""Files that name several entries of one table for what these are: a new entry changes none of them."""
+"""Files that name several entries of one table for what these are: a new entry changes none of
+them.
+"""
 
 
 @cache
 def parse_product():
-    """For each file of the product: its imports (module, name), and the strings that stand in it."""
+    """For each file of the product: its imports (module, name), and the strings that stand in
+    it.
+    """
     imports, texts = {}, {}
     paths = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
     for path in paths:
@@ -52,8 +63,15 @@ def parse_product():
         if file.startswith("benchmarks/evidence"):
             continue
         nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-        imports[file] = {(n.module, alias.name) for n in nodes if isinstance(n, ast.ImportFrom) for alias in n.names}
-        texts[file] = {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+        imports[file] = {
+            (n.module, alias.name)
+            for n in nodes
+            if isinstance(n, ast.ImportFrom)
+            for alias in n.names
+        }
+        texts[file] = {
+            n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)
+        }
     return imports, texts
 
 
@@ -65,7 +83,9 @@ def origin(entry):
 
 @pytest.mark.parametrize("point", TABLES)
 def test_no_other_file_has_a_list_of_its_own(point):
-    """A file that names two entries, beside the table and their own files, is one that a third has to be put into."""
+    """A file that names two entries, beside the table and their own files, is one that a third has
+    to be put into.
+    """
     table, entries = TABLES[point]
     named = defaultdict(set)
     for module, name in map(origin, entries):
@@ -79,7 +99,9 @@ def test_no_other_file_has_a_list_of_its_own(point):
 
 
 def test_no_other_file_tells_kinds_of_machines_apart_by_name():
-    """Words such as "hexapod" in code: names of presets as defaults, one to a file; never several kinds."""
+    """Words such as "hexapod" in code: names of presets as defaults, one to a file; never several
+    kinds.
+    """
     kinds = set(KINDS) - {"arm"}  # which is a word of its own
     for file, texts in parse_product()[1].items():
         assert file in (TABLES["machine"][0], REGISTRIES) or len(kinds & texts) <= 1, file
@@ -90,25 +112,49 @@ def test_its_how_to_lists_few_files_that_all_are_there(point):
     page = (ROOT / "docs" / "howto" / f"add_{point}.md").read_text(encoding="utf-8")
     steps = page.partition("## To contribute it")[2]
     assert 2 <= len(re.findall(r"^\d\. ", steps, re.MULTILINE)) <= MOST_FILES
-    files = dict.fromkeys(re.findall(r"`((?:kinematics|planner|controllers)/[\w/]+\.(?:py|toml))`", steps))
+    files = dict.fromkeys(
+        re.findall(r"`((?:kinematics|planner|controllers)/[\w/]+\.(?:py|toml))`", steps)
+    )
     assert TABLES[point][0] in files
     assert (f"`{REGISTRIES}`" in steps) == (point != "limit")  # no command lists limits
-    assert len(files) <= MOST_FILES + (point == "limit")  # of a limit, either an axis' key or a program's
+    assert len(files) <= MOST_FILES + (
+        point == "limit"
+    )  # of a limit, either an axis' key or a program's
     for file in files:
         assert (ROOT / file).parent.is_dir()
     for file in [file for file in files if not (ROOT / file).exists()]:
-        assert (ROOT / "docs" / "examples" / Path(file).name).with_suffix(".py").exists()  # as the page shows it
+        assert (
+            (ROOT / "docs" / "examples" / Path(file).name).with_suffix(".py").exists()
+        )  # as the page shows it
     for test in re.findall(r"`(tests/[\w/]+\.py)`", steps):
         assert (ROOT / test).is_file()
 
 
 def test_a_key_of_an_axis_is_stated_once():
-    """Its name stands in the model of the axis and in the one table of keys, and in no list of the files' code."""
-    folders = (ROOT / "kinematics" / "machine", ROOT / "kinematics" / "kinds", ROOT / "kinematics" / "files")
-    trees = {p.name: ast.parse(p.read_text("utf-8")) for folder in folders for p in folder.glob("*.py")}
+    """Its name stands in the model of the axis and in the one table of keys, and in no list of the
+    files' code.
+    """
+    folders = (
+        ROOT / "kinematics" / "machine",
+        ROOT / "kinematics" / "kinds",
+        ROOT / "kinematics" / "files",
+    )
+    trees = {
+        p.name: ast.parse(p.read_text("utf-8")) for folder in folders for p in folder.glob("*.py")
+    }
     declared = {
-        name: sum(isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == name for n in ast.walk(tree))
-        for name in ("take_up_acceleration", "max_jerk", "torque_speed", "friction", "reflected", "max_pulse_rate")
+        name: sum(
+            isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == name
+            for n in ast.walk(tree)
+        )
+        for name in (
+            "take_up_acceleration",
+            "max_jerk",
+            "torque_speed",
+            "friction",
+            "reflected",
+            "max_pulse_rate",
+        )
         for tree in [trees["axis_keys.py"]]
     }
     assert set(declared.values()) == {1}

@@ -11,8 +11,8 @@ Everything is called through the front door: names of `pulsepath`, and the comma
 The data are in tests/unchanged:
 
 inputs/       programs and machines, as users write them
-values.json   numbers of freshly planned motions. Each is compared within a tolerance, since an optimum
-              depends on the processor in its last digits (BLAS, vector instructions).
+values.json   numbers of freshly planned motions. Each is compared within a tolerance, since an
+              optimum depends on the processor in its last digits (BLAS, vector instructions).
 plans/        plan directories. Commands that read one start from its stored motion, so that no
               solver is between it and the exported file.
 exports/      files exported from `plans`, binary ones decoded to text: every word and number
@@ -21,8 +21,8 @@ exports/      files exported from `plans`, binary ones decoded to text: every wo
 What may be recorded anew, and when:
 
 - A change that is meant (a fault corrected, a faster motion): `--record`; review each line.
-- A new format of the plan directory: `--record plans`. The files in `exports` must still agree: they
-  do not depend on that format.
+- A new format of the plan directory: `--record plans`. The files in `exports` must still agree:
+  they do not depend on that format.
 - A new key of a record: `--record`. A key that goes, or another exit code, changes what users read.
 """
 
@@ -51,8 +51,8 @@ EXPORTS = DATA / "exports"
 VALUES = DATA / "values.json"
 
 # The tolerances leave room for another processor: all values were within them with kernels compiled
-# for a generic one (NUMBA_CPU_NAME=generic, OPENBLAS_CORETYPE=Prescott, NumPy and glibc without AVX2
-# and FMA; 27 November 2026).
+# for a generic one (NUMBA_CPU_NAME=generic, OPENBLAS_CORETYPE=Prescott, NumPy and glibc without
+# AVX2 and FMA; 27 November 2026).
 
 # Relative. Solvers stop when they are within 1e-9 of their limits; a limit that is off by 1e-5 of
 # itself shows.
@@ -102,7 +102,9 @@ class Checked:
         place = f" (number {worst + 1} of {len(old)})" if len(old) > 1 else ""
         place += f", {np.count_nonzero(deviation)} differ" if many else ""
         change = f"{old[worst]:.12g} -> {new[worst]:.12g}{place}"
-        return f"{change}, difference {new[worst] - old[worst]:+.3g}, tolerance {self.tolerance:.3g}"
+        return (
+            f"{change}, difference {new[worst] - old[worst]:+.3g}, tolerance {self.tolerance:.3g}"
+        )
 
 
 Values = dict[str, Checked]
@@ -159,7 +161,8 @@ def describe_motion(name: str, motion: Any) -> Values:
 def describe_use(limit: str, use: float) -> Checked:
     """Return how much of a limit is used.
 
-    A constant speed may be off by 1e-9 of itself, which is rounding: only that it is kept is compared.
+    A constant speed may be off by 1e-9 of itself, which is rounding: only that it is kept is
+    compared.
     """
     return exact(bool(use <= 1.0)) if limit == "constant speed" else near(use, 0.0, USE)
 
@@ -301,7 +304,9 @@ def firing_rules(_: Path) -> Values:
     ):
         plan = pp.plan(program, INPUTS / "bench.toml", rule=rule)
         for axis, name in zip(plan.pulses.axes, "XYZ", strict=True):
-            values[f"{rule}: {name}: ticks"] = Checked(axis.ticks.tolist(), tolerance=1.0, share=0.02)
+            values[f"{rule}: {name}: ticks"] = Checked(
+                axis.ticks.tolist(), tolerance=1.0, share=0.02
+            )
             values[f"{rule}: {name}: directions"] = exact(_write_signs(axis.direction))
             values[f"{rule}: {name}: bound"] = near(axis.bound, RESULT)
     return values
@@ -447,7 +452,9 @@ def tracking(folder: Path) -> Values:
 
 @case
 def plan_record(folder: Path) -> Values:
-    """The whole record of one plan with everything that can be asked for, and the files beside it."""
+    """The whole record of one plan with everything that can be asked for, and the files beside
+    it.
+    """
     words = INPUTS / "curved.toml", "--machine", INPUTS / "bench.toml", "--baselines"
     record = write_plan(folder / "plan", *words, "--pulses", "csv")
     skip = "where", "provenance", "where_time_s", "shadow"
@@ -481,7 +488,10 @@ HEAD = 'schema = 1\nmachine = "hexapod"\nlength = "mm"\nangle = "deg"\n'
 
 @case
 def refusals(folder: Path) -> Values:
-    """Exit codes, and that nothing is left behind. Messages are not compared: they will be reworded."""
+    """Exit codes, and that nothing is left behind.
+
+    Messages are not compared: they will be reworded.
+    """
     values = {}
     for label, body in {
         "out of reach": "[[segment]]\nline = { to = [0, 0, 500] }\n",
@@ -587,14 +597,24 @@ def write_export(plan: str, form: str, folder: Path) -> str:
 
 
 def decode(file: Path, form: str) -> str:
-    """Return a file as text: arrays as one number a line, bytes as hexadecimal digits, \\r as two letters."""
+    """Return a file as text: arrays as one number a line, bytes as hexadecimal digits, \\r as two
+    letters.
+    """
     if form == "npz":
         return "".join(f"{name}\n{_write_lines(value)}" for name, value in np.load(file).items())
     if form == "binary":
         axes = pp.read_pulses(file).axes
-        return "".join(_write_lines(axis.ticks) + _write_signs(axis.direction) + "\n" for axis in axes)
+        return "".join(
+            _write_lines(axis.ticks) + _write_signs(axis.direction) + "\n" for axis in axes
+        )
     if form == "byte":
-        return "\n".join(file.read_bytes().hex(" ")[k : k + 96] for k in range(0, file.stat().st_size * 3, 96)) + "\n"
+        return (
+            "\n".join(
+                file.read_bytes().hex(" ")[k : k + 96]
+                for k in range(0, file.stat().st_size * 3, 96)
+            )
+            + "\n"
+        )
     return file.read_bytes().decode().replace("\r", "\\r")
 
 
@@ -608,9 +628,10 @@ def compare_files(stored: str, text: str, tick: float) -> list[str]:
     """List the differences of two files.
 
     A stored motion is evaluated with + − × / and √, which processors agree on; sine and cosine may
-    differ in the last bit. So a number that falls between two written ones may be rounded otherwise:
-    one in 200 may be off by one in its last place, or by one tick. Numbers with 12 digits and more are
-    compared within 1e-9 of themselves. Small whole numbers, which are counts and settings, are equal.
+    differ in the last bit. So a number that falls between two written ones may be rounded
+    otherwise: one in 200 may be off by one in its last place, or by one tick. Numbers with 12
+    digits and more are compared within 1e-9 of themselves. Small whole numbers, which are counts
+    and settings, are equal.
     """
     if NUMBER.sub("0", stored) != NUMBER.sub("0", text):
         return _compare_lines(stored, text)
@@ -636,7 +657,11 @@ def compare_files(stored: str, text: str, tick: float) -> list[str]:
 def _compare_lines(stored: str, text: str) -> list[str]:
     """List the lines that differ, the first of them in full."""
     old, new = stored.splitlines(), text.splitlines()
-    changes = [f"line {k + 1}: {a} -> {b}" for k, (a, b) in enumerate(zip(old, new, strict=False)) if a != b]
+    changes = [
+        f"line {k + 1}: {a} -> {b}"
+        for k, (a, b) in enumerate(zip(old, new, strict=False))
+        if a != b
+    ]
     return [f"{len(old)} lines -> {len(new)}", *changes]
 
 
@@ -676,7 +701,9 @@ def test_exports(plan: str, form: str, tmp_path: Path) -> None:
 
 def test_every_format_is_compared() -> None:
     help_text = call("export", "--help").stdout
-    listed = re.findall(r"^  ([a-z0-9-]+) {2,}[A-Z]", help_text.partition("Formats:")[2], re.MULTILINE)
+    listed = re.findall(
+        r"^  ([a-z0-9-]+) {2,}[A-Z]", help_text.partition("Formats:")[2], re.MULTILINE
+    )
     assert sorted({form for _, form in EXPORTED}) == sorted(listed)
 
 
@@ -705,7 +732,8 @@ def record_plans(folder: Path) -> None:
 def record_values(folder: Path) -> None:
     """Store values beyond their tolerance, and print them.
 
-    A value within its tolerance keeps what is stored, so that small changes cannot add up unnoticed.
+    A value within its tolerance keeps what is stored, so that small changes cannot add up
+    unnoticed.
     """
     stored = json.loads(VALUES.read_text()) if VALUES.exists() else {}
     recorded = {}
@@ -716,7 +744,9 @@ def record_values(folder: Path) -> None:
         for change in compare_values(name, values, before):
             print(change)
         recorded[name] = {
-            key: before[key] if key in before and not value.differs_from(before[key]) else value.value
+            key: before[key]
+            if key in before and not value.differs_from(before[key])
+            else value.value
             for key, value in values.items()
         }
     VALUES.write_text(_write_json(recorded))

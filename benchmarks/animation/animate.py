@@ -1,13 +1,15 @@
-"""The animation of a plan as a file: one HTML document, viser's own page with what its player lacks laid over it.
+"""The animation of a plan as a file: one HTML document, viser's own page with what its player lacks
+laid over it.
 
-viser's saved page has the scene, a slider of time, play and pause, speeds from 0.5 to 8 times real time, and a list of
-what is in the scene to hide parts by. It has no fixed views, no legend and no text that changes with time: those come
-from `animation.html.j2`, by the handles on its client that viser keeps for its own tests. They were seen to work with
-viser 1.1; should a later client lack them, the player goes on without.
+viser's saved page has the scene, a slider of time, play and pause, speeds from 0.5 to 8 times real
+time, and a list of what is in the scene to hide parts by. It has no fixed views, no legend and no
+text that changes with time: those come from `animation.html.j2`, by the handles on its client that
+viser keeps for its own tests. They were seen to work with viser 1.1; should a later client lack
+them, the player goes on without.
 
-Only this file imports viser. A server is opened on loopback at a free port while the scene is made, since viser's
-scenes belong to servers; nothing connects to it. What moves goes as positions, turns, lengths and colours of a batch of
-one cylinder and one of a sphere: no mesh is sent twice.
+Only this file imports viser. A server is opened on loopback at a free port while the scene is made,
+since viser's scenes belong to servers; nothing connects to it. What moves goes as positions, turns,
+lengths and colours of a batch of one cylinder and one of a sphere: no mesh is sent twice.
 """
 
 from __future__ import annotations
@@ -52,15 +54,17 @@ if TYPE_CHECKING:
 RADII: dict[Sort, float] = {"frame": 0.005, "actuator": 0.006, "link": 0.010, "platform": 0.007}
 """Radii of bars, as shares of the size of the scene."""
 BARREL, BARREL_LENGTH_SHARE = 0.011, 0.6
-"""An actuator's outer tube: its radius as such a share, and its length as a share of the least that the bar has."""
+"""An actuator's outer tube: its radius as such a share, and its length as a share of the least that
+the bar has.
+"""
 MIN_BAR_LENGTH = 1e-12
 """m: shorter bars have no direction."""
 
 
 @dataclass(frozen=True, slots=True)
 class Solids:
-    """Cylinders along z of unit length and radius in N frames: centres (N, k, 3), quaternions wxyz (N, k, 4), scales
-    (N, k, 3); owners (k,): the axis of each, or none.
+    """Cylinders along z of unit length and radius in N frames: centres (N, k, 3), quaternions wxyz
+    (N, k, 4), scales (N, k, 3); owners (k,): the axis of each, or none.
     """
 
     centres: Array
@@ -70,14 +74,19 @@ class Solids:
 
 
 def make_cylinders(bars: Sequence[Bar], ends: Array, size: float) -> Solids:
-    """Return the bodies of bars with ends (N, bars, 2, 3). An actuator is a rod in a tube of constant length."""
+    """Return the bodies of bars with ends (N, bars, 2, 3).
+
+    An actuator is a rod in a tube of constant length.
+    """
     parts = [part for k, bar in enumerate(bars) for part in _bar_cylinders(bar, ends[:, k], size)]
     start, end = (np.stack([part[n] for part in parts], 1) for n in (0, 1))
     radius = np.broadcast_to([part[2] for part in parts], start.shape[:2])
     way = end - start
     length = np.linalg.norm(way, axis=2)
     scales = np.stack([radius, radius, length], 2)
-    return Solids((start + end) / 2, _bar_rotations(way, length), scales, tuple(part[3] for part in parts))
+    return Solids(
+        (start + end) / 2, _bar_rotations(way, length), scales, tuple(part[3] for part in parts)
+    )
 
 
 def _bar_cylinders(bar: Bar, ends: Array, size: float) -> Iterator[tuple[Array, Array, float, str]]:
@@ -96,7 +105,9 @@ def _bar_cylinders(bar: Bar, ends: Array, size: float) -> Iterator[tuple[Array, 
 
 
 def _bar_rotations(way: Array, length: Array) -> Array:
-    """(N, k, 4) the shortest turns of z to ways (N, k, 3): (1 + z·d, z × d), normalised; about x where d is −z."""
+    """(N, k, 4) the shortest turns of z to ways (N, k, 3): (1 + z·d, z × d), normalised; about x
+    where d is −z.
+    """
     x, y, z = np.moveaxis(way / np.maximum(length, MIN_BAR_LENGTH)[..., None], 2, 0)
     turn = np.stack([1 + z, -y, x, np.zeros_like(z)], -1)
     turn[1 + z < MIN_BAR_LENGTH] = [0.0, 1.0, 0.0, 0.0]
@@ -106,9 +117,13 @@ def _bar_rotations(way: Array, length: Array) -> Array:
 END_HOLD_TIME = 0.5
 """s that the last frame stays, before viser's player begins again."""
 CLOCK = "/time"
-"""A frame without axes whose x is the time of the frame shown, in s: by it the page knows where the player is."""
+"""A frame without axes whose x is the time of the frame shown, in s: by it the page knows where the
+player is.
+"""
 BALL, BASE_AXES_LENGTH = 0.012, 0.12
-"""Radius of joints and tool and the length of the base frame's axes, as shares of the size of all that is drawn."""
+"""Radius of joints and tool and the length of the base frame's axes, as shares of the size of all
+that is drawn.
+"""
 SKY, SUN = 1.9, 1.0
 """Light from all over, and from aside above."""
 CYLINDER_SIDES = 16
@@ -118,7 +133,9 @@ GROUND_CELLS = 10
 
 
 def record_scene(frames: Frames) -> str:
-    """The page as viser makes it, its client and the recording in one HTML document; 1 s in it is 1 s of the plan."""
+    """The page as viser makes it, its client and the recording in one HTML document; 1 s in it is 1
+    s of the plan.
+    """
     import trimesh  # comes with viser
 
     size, bars = frames.size, make_cylinders(frames.bars, frames.placed.bars, frames.size)
@@ -180,10 +197,17 @@ def _add_surroundings(scene: SceneApi, frames: Frames) -> None:
     sun = scene.add_light_directional("/light/sun", intensity=SUN)
     sun.position = middle + size * np.array([1.0, -2.0, 2.0])
     ground = scene.add_grid(
-        "/ground", 1.6 * size, 1.6 * size, cell_size=size / GROUND_CELLS, section_size=size, shadow_opacity=0.0
+        "/ground",
+        1.6 * size,
+        1.6 * size,
+        cell_size=size / GROUND_CELLS,
+        section_size=size,
+        shadow_opacity=0.0,
     )
     ground.position = (float(middle[0]), float(middle[1]), float(low[2] - 0.02 * size))
-    scene.add_frame("/base frame", axes_length=BASE_AXES_LENGTH * size, axes_radius=BASE_AXES_LENGTH * size / 30)
+    scene.add_frame(
+        "/base frame", axes_length=BASE_AXES_LENGTH * size, axes_radius=BASE_AXES_LENGTH * size / 30
+    )
     for name, path, colour, pixels in (
         ("planned", frames.planned, PLANNED_COLOUR, 2.5),
         ("realised", frames.realised, REALISED_COLOUR, 1.5),
@@ -191,7 +215,11 @@ def _add_surroundings(scene: SceneApi, frames: Frames) -> None:
         if path is not None:
             pieces = _as_float32(np.stack([path[:-1], path[1:]], 1))
             scene.add_line_segments(
-                f"/path/{name}", pieces, parse_colour(colour), thickness=pixels, thickness_units="screen"
+                f"/path/{name}",
+                pieces,
+                parse_colour(colour),
+                thickness=pixels,
+                thickness_units="screen",
             )
 
 
@@ -223,7 +251,12 @@ FRAMES, MAX_FRAMES = 240, 5000
 
 @check_arguments()
 def animate(
-    plan: AnimatablePlan, path: str | Path, *, frames: int = FRAMES, magnify: float | None = None, force: bool = False
+    plan: AnimatablePlan,
+    path: str | Path,
+    *,
+    frames: int = FRAMES,
+    magnify: float | None = None,
+    force: bool = False,
 ) -> Path:
     """Write an animation of the machine along a plan as an HTML page, in 3-D and real time.
 
@@ -236,7 +269,8 @@ def animate(
     frames
         How many, evenly from start to end.
     magnify
-        How many times the error of the pulses' path is drawn; 1 is true scale. None: as large as can be seen.
+        How many times the error of the pulses' path is drawn; 1 is true scale. None: as large as
+        can be seen.
     force
         Replace a file that is there.
 
@@ -274,17 +308,25 @@ POLICY = (
 QUIET = """console.log = () => {};
 const warn = console.warn;
 console.warn = (...told) => String(told[0]).startsWith("THREE.Clock") || warn(...told);"""
-"""viser tells the console what browser it is in, how fast it draws, and of what three.js advises against."""
+"""viser tells the console what browser it is in, how fast it draws, and of what three.js advises
+against.
+"""
 DARK = ("{darkMode:false}", '{darkMode:matchMedia("(prefers-color-scheme: dark)").matches}')
-"""The setting in viser's page by which it is dark, and what it becomes: as the browser is when the page opens."""
+"""The setting in viser's page by which it is dark, and what it becomes: as the browser is when the
+page opens.
+"""
 SPACE_VIEW_ANGLE, AXIS_VIEW_ANGLE = 35.0, 2.0
-"""degrees: the angle of view in space, and of the three views along axes, which are nearly parallel with that."""
+"""degrees: the angle of view in space, and of the three views along axes, which are nearly parallel
+with that.
+"""
 FILLED_SHARE = 0.85
 """Share of the picture beside the legend that the machine fills."""
 
 
 MIN_BOX_SHARE = 0.1
-"""Share of the machine's size that its box measures at least each way, that of a flat machine too."""
+"""Share of the machine's size that its box measures at least each way, that of a flat machine
+too.
+"""
 
 
 def compose_page(frames: Frames) -> str:
@@ -306,7 +348,9 @@ def _overlay(frames: Frames) -> str:
         {},
         program=frames.program,
         machine=frames.machine,
-        views=[{"name": view.name, "label": view.name[0].upper() + view.name[1:]} for view in VIEWS],
+        views=[
+            {"name": view.name, "label": view.name[0].upper() + view.name[1:]} for view in VIEWS
+        ],
         gradient=", ".join(f"{colour} {100 * place:g}%" for place, colour in RAMP),
         what=frames.what,
         bare=all(bar.sort == "platform" for bar in frames.bars),

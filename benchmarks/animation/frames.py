@@ -1,8 +1,9 @@
-"""The frames of an animation: the machine at even instants of a plan, its use of limits, and both paths.
+"""The frames of an animation: the machine at even instants of a plan, its use of limits, and both
+paths.
 
 For every axis and the tool, a frame has the limit that is nearest to its bound, and the tilt of the
-joints. They come from the limits' own `value` and `use`, as the certificate does. This module also has
-the four views, and the colours of a limit's use.
+joints. They come from the limits' own `value` and `use`, as the certificate does. This module also
+has the four views, and the colours of a limit's use.
 """
 
 from collections.abc import Sequence
@@ -35,7 +36,8 @@ NO_LIMIT = -1
 
 @dataclass(frozen=True, slots=True)
 class NearestLimit:
-    """At N instants, the use of each owner's limit that is nearest to its bound (N, owners), and its index in `limits`.
+    """At N instants, the use of each owner's limit that is nearest to its bound (N, owners), and
+    its index in `limits`.
 
     owners  the axes, and the tool where anything limits it
     """
@@ -47,9 +49,15 @@ class NearestLimit:
 
 
 def nearest(limits: Sequence[Limit], state: State, axes: Sequence[str]) -> NearestLimit:
-    """Return the owners of all limits but tilt, which belongs to the joints. A clearance belongs to both legs."""
+    """Return the owners of all limits but tilt, which belongs to the joints.
+
+    A clearance belongs to both legs.
+    """
     owners = (*axes, TOOL)
-    use, which = np.zeros((len(state.t), len(owners))), np.full((len(state.t), len(owners)), NO_LIMIT)
+    use, which = (
+        np.zeros((len(state.t), len(owners))),
+        np.full((len(state.t), len(owners)), NO_LIMIT),
+    )
     for n, limit in enumerate(limits):
         if isinstance(limit, Tilt):
             continue
@@ -61,7 +69,9 @@ def nearest(limits: Sequence[Limit], state: State, axes: Sequence[str]) -> Neare
                 use[beats, owner], which[beats, owner] = share[beats], n
     count = len(owners) if (which[:, -1] != NO_LIMIT).any() else len(axes)
     names = tuple(limit.name for limit in limits)
-    return NearestLimit(owners[:count], names, freeze_array(use[:, :count]), freeze_array(which[:, :count], int))
+    return NearestLimit(
+        owners[:count], names, freeze_array(use[:, :count]), freeze_array(which[:, :count], int)
+    )
 
 
 def tilt_use(limits: Sequence[Limit], state: State, joints: Sequence[str]) -> Array:
@@ -78,19 +88,26 @@ def tilt_use(limits: Sequence[Limit], state: State, joints: Sequence[str]) -> Ar
 
 
 def _owners(channel: str, axes: Sequence[str]) -> list[int]:
-    """Indices of those a channel belongs to: an axis, both legs of a pair ("leg1–leg2"), else the tool, the last."""
+    """Indices of those a channel belongs to: an axis, both legs of a pair ("leg1–leg2"), else the
+    tool, the last.
+    """
     named = {channel, *channel.split("–")}
     return [n for n, axis in enumerate(axes) if axis in named] or [len(axes)]
 
 
 MIN_PATH_INSTANTS, PATH_INSTANT_RATE, MAX_PATH_INSTANTS = 1200, 100.0, 6000
-"""Instants at which both paths are drawn, evenly in time: at least; 1/s of a motion that lasts longer; at most, so that
-the page stays small."""
+"""Instants at which both paths are drawn, evenly in time: at least; 1/s of a motion that lasts
+longer; at most, so that the page stays small.
+"""
 DRAWN_ERROR_SHARE, PLAIN_LENGTH = 0.01, 6.0
-"""Share of the path's size that the largest error of the pulses is drawn as, at most, if nothing else is asked for; and
-how many times its size a path is long, from which on it is less: what lies beside each other is not to cross."""
+"""Share of the path's size that the largest error of the pulses is drawn as, at most, if nothing
+else is asked for; and how many times its size a path is long, from which on it is less: what lies
+beside each other is not to cross.
+"""
 TOOL_AXES_SHARE = 0.15
-"""Share of the path's extent that the axes of the tool are long, by which a machine without a skeleton is drawn."""
+"""Share of the path's extent that the axes of the tool are long, by which a machine without a
+skeleton is drawn.
+"""
 FLATNESS_SHARE = 1e-6
 """Share of its size up to which a machine lies in one plane."""
 
@@ -125,15 +142,19 @@ class DrawnPlan:
 class Frames:
     """The machine at instants t (N,) s, everything in the base frame, m.
 
-    bars, pivots  what the skeleton consists of, and the tool's shank; of a machine without a skeleton the tool's axes
+    bars, pivots  what the skeleton consists of, and the tool's shank; of a machine without a
+                  skeleton the tool's axes
     placed        where they are
     tool          (N, 3) its place: the platform's origin's where there is none
     axes, units   names of the axes, and m or rad of each
-    q             (N, axes) their coordinates, which are `what`: lengths of legs between joints, or positions
-    pose          (N, 6) x, y, z (m) of the tool and θx, θy, θz (rad) of the platform, in the frame of the home pose
+    q             (N, axes) their coordinates, which are `what`: lengths of legs between joints, or
+                  positions
+    pose          (N, 6) x, y, z (m) of the tool and θx, θy, θz (rad) of the platform, in the frame
+                  of the home pose
     nearest, tilt how near every axis, the tool and each pivot (N, pivots) are to their limits
     planned       (M, 3) the path of the tool, evenly in time
-    errors        (M, 3) by how much the pulses' path is off there; None where counts stand for no pose
+    errors        (M, 3) by how much the pulses' path is off there; None where counts stand for no
+                  pose
     magnified     how many times the errors are drawn
     shaped        whether the pulses are behind input shapers, and all else is before them
     """
@@ -160,7 +181,10 @@ class Frames:
     def use_of(self, owners: Sequence[str]) -> Array:
         """Return (N, owners) the use of each owner's nearest limit; NaN: no limit concerns it."""
         known = self.nearest
-        uses = [known.use[:, known.owners.index(owner)] if owner in known.owners else np.nan for owner in owners]
+        uses = [
+            known.use[:, known.owners.index(owner)] if owner in known.owners else np.nan
+            for owner in owners
+        ]
         return np.stack([np.broadcast_to(use, self.t.shape) for use in uses], 1)
 
     @cached_property
@@ -187,7 +211,9 @@ class Frames:
 
 
 def compute_frames(plan: AnimatablePlan, t: Array, magnified: float | None = None) -> Frames:
-    """The frames at instants t (N,) s; magnified: as `magnification` chooses by default, 1 is true scale."""
+    """The frames at instants t (N,) s; magnified: as `magnification` chooses by default, 1 is true
+    scale.
+    """
     machine = plan.machine
     state = plan.trajectory.at(t)
     x = _numbers(state)
@@ -195,7 +221,9 @@ def compute_frames(plan: AnimatablePlan, t: Array, magnified: float | None = Non
     poses = _numbers(plan.trajectory.at(along))
     planned = _tool(plan, poses)
     copies = find_copies(machine.axes)
-    late = along if copies is None else along + copies.centre  # behind input shapers, by the path where it was
+    late = (
+        along if copies is None else along + copies.centre
+    )  # behind input shapers, by the path where it was
     try:
         errors = _tool(plan, find_reached_poses(machine, plan.pulses, late, poses)) - planned
     except MotionError:  # singular on the way: `plan` tells it too
@@ -203,7 +231,9 @@ def compute_frames(plan: AnimatablePlan, t: Array, magnified: float | None = Non
     pivots, tool = machine.parts.pivots, _tool(plan, x)
     bars, placed = _add_tool_bar(plan, place_skeleton(machine, x, state.q), x[:, :3], tool)
     if not bars:
-        bars, placed = _draw_tool_axes(placed, x, tool, float(np.linalg.norm(np.ptp(planned, axis=0))))
+        bars, placed = _draw_tool_axes(
+            placed, x, tool, float(np.linalg.norm(np.ptp(planned, axis=0)))
+        )
     return Frames(
         plan.program.name,
         machine.name,
@@ -227,7 +257,9 @@ def compute_frames(plan: AnimatablePlan, t: Array, magnified: float | None = Non
 
 
 def _home_frame_pose(machine: Machine, x: Array, tool: Array) -> Array:
-    """(N, 6) where the tool is and how the platform is turned, as programs in the frame "home" say it."""
+    """(N, 6) where the tool is and how the platform is turned, as programs in the frame "home" say
+    it.
+    """
     back = machine.home.inv()
     angles = (back * from_numbers(x)).rotation.as_euler("XYZ", suppress_warnings=True)
     return np.concatenate([back.apply(tool), angles], 1)
@@ -244,8 +276,9 @@ def count_instants(duration: float) -> int:
 
 
 def magnification(planned: Array, errors: Array | None) -> float:
-    """1, 2 or 5 times a power of ten that draws the largest error at most DRAWN_ERROR_SHARE of the path's size; 1 at
-    least."""
+    """1, 2 or 5 times a power of ten that draws the largest error at most DRAWN_ERROR_SHARE of the
+    path's size; 1 at least.
+    """
     largest = 0.0 if errors is None else float(np.linalg.norm(errors, axis=1).max())
     if largest == 0.0:
         return 1.0
@@ -259,7 +292,9 @@ def magnification(planned: Array, errors: Array | None) -> float:
 def _add_tool_bar(
     plan: AnimatablePlan, placed: PlacedSkeleton, origin: Array, tip: Array
 ) -> tuple[tuple[Bar, ...], PlacedSkeleton]:
-    """The machine's bars, and one from the platform's origin to the tool's where that lies elsewhere, both (N, 3)."""
+    """The machine's bars, and one from the platform's origin to the tool's where that lies
+    elsewhere, both (N, 3).
+    """
     bars, tool = plan.machine.parts.bars, plan.trajectory.path.tool
     if tool is None or not (tip != origin).any():
         return bars, placed
@@ -299,7 +334,9 @@ def _numbers(state: State) -> Array:
 
 
 RAMP = ((0.0, "#B4C0CA"), (0.5, "#56B4E9"), (0.8, "#E69F00"), (1.0, "#C8102E"))
-"""Share of a limit and its colour, straight between: ever darker, so that it reads without hue too."""
+"""Share of a limit and its colour, straight between: ever darker, so that it reads without hue
+too.
+"""
 NO_LIMIT_COLOUR = "#3C464E"
 """Colour of parts without a limit."""
 PLANNED_COLOUR, REALISED_COLOUR = "#6B7178", "#009E73"
@@ -308,7 +345,9 @@ PLANNED_COLOUR, REALISED_COLOUR = "#6B7178", "#009E73"
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """From where one looks: towards the machine against `back`, with `up` upwards; both unit vectors, base frame."""
+    """From where one looks: towards the machine against `back`, with `up` upwards; both unit
+    vectors, base frame.
+    """
 
     name: str
     back: Array
@@ -321,7 +360,9 @@ class View:
 
 
 def _view(name: str, back: tuple[float, ...], up: tuple[float, ...], parallel: bool = True) -> View:
-    return View(name, freeze_array(np.array(back) / np.linalg.norm(back)), freeze_array(up), parallel)
+    return View(
+        name, freeze_array(np.array(back) / np.linalg.norm(back)), freeze_array(up), parallel
+    )
 
 
 VIEWS = (
@@ -338,7 +379,9 @@ def colour_uses(use: Array) -> np.ndarray:
     places = [place for place, _ in RAMP]
     stops = np.array([parse_colour(colour) for _, colour in RAMP])
     mixed = np.stack([np.interp(np.nan_to_num(shares), places, channel) for channel in stops.T], -1)
-    return np.where(np.isnan(use)[..., None], parse_colour(NO_LIMIT_COLOUR), np.rint(mixed)).astype(np.uint8)
+    return np.where(np.isnan(use)[..., None], parse_colour(NO_LIMIT_COLOUR), np.rint(mixed)).astype(
+        np.uint8
+    )
 
 
 def parse_colour(colour: str) -> tuple[int, int, int]:

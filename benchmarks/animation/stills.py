@@ -1,4 +1,6 @@
-"""Still images for papers: a machine at one instant of a plan, from above, in front, aside and in space."""
+"""Still images for papers: a machine at one instant of a plan, from above, in front, aside and in
+space.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,7 +39,12 @@ FLAT_HEIGHT_SHARE = 1e-3
 
 @check_arguments()
 def save_four_views(
-    plan: AnimatablePlan, path: str | Path, t: float | None = None, *, magnify: float | None = None, force: bool = False
+    plan: AnimatablePlan,
+    path: str | Path,
+    t: float | None = None,
+    *,
+    magnify: float | None = None,
+    force: bool = False,
 ) -> Path:
     """Write `four_views` to a file.
 
@@ -68,10 +75,14 @@ def save_four_views(
     return target.path
 
 
-def write_four_views(plan: AnimatablePlan, target: Destination, t: float | None, magnify: float | None) -> None:
+def write_four_views(
+    plan: AnimatablePlan, target: Destination, t: float | None, magnify: float | None
+) -> None:
     """Write `four_views` to a file. Raises MotionError for one that no still image can be."""
     if target.path.suffix.lower() not in FORMATS:
-        raise MotionError(f"{target.path}: still images are {', '.join(FORMATS)}; give a name that ends so")
+        raise MotionError(
+            f"{target.path}: still images are {', '.join(FORMATS)}; give a name that ends so"
+        )
     figure = four_views(plan, t, magnify=magnify)[0].get_figure(root=True)
     with target.stage() as file:
         if figure is not None:
@@ -79,8 +90,11 @@ def write_four_views(plan: AnimatablePlan, target: Destination, t: float | None,
 
 
 @check_arguments()
-def four_views(plan: AnimatablePlan, t: float | None = None, *, magnify: float | None = None) -> "tuple[Axes, ...]":
-    """Draw the views top, front, side and 3-D in one figure with equal scales, in base-frame coordinates.
+def four_views(
+    plan: AnimatablePlan, t: float | None = None, *, magnify: float | None = None
+) -> "tuple[Axes, ...]":
+    """Draw the views top, front, side and 3-D in one figure with equal scales, in base-frame
+    coordinates.
 
     Parameters
     ----------
@@ -108,7 +122,9 @@ def four_views(plan: AnimatablePlan, t: float | None = None, *, magnify: float |
     duration = plan.trajectory.duration
     when = duration / 2 if t is None else float(t)
     if not 0 <= when <= duration:
-        raise MotionError(f"t = {when:.6g} s is not within the motion, which lasts from 0 to {duration:.6g} s")
+        raise MotionError(
+            f"t = {when:.6g} s is not within the motion, which lasts from 0 to {duration:.6g} s"
+        )
     frames = compute_frames(plan, np.array([when]), magnify)
     figure = Figure(figsize=(9, 8), layout="constrained")
     axes = tuple(
@@ -134,7 +150,9 @@ def four_views(plan: AnimatablePlan, t: float | None = None, *, magnify: float |
 
 
 def _draw(ax: Any, frames: Frames, view: View) -> None:
-    """Draw one view in mm: bars from the farthest to the nearest, joints, the tool and both paths."""
+    """Draw one view in mm: bars from the farthest to the nearest, joints, the tool and both
+    paths.
+    """
     from kinematics.foundation.figure import label_space
 
     shown = _plane(view) if view.parallel else np.eye(3)
@@ -150,17 +168,39 @@ def _draw(ax: Any, frames: Frames, view: View) -> None:
         )
     pivots = 1e3 * frames.placed.pivots[0] @ shown
     flat = {} if view.parallel else {"depthshade": False}
-    ax.scatter(*pivots.T, s=22, color=marks[:-1], edgecolor="white", linewidth=0.5, zorder=3, **flat)
-    if frames.realised is not None:
-        ax.plot(*(1e3 * frames.realised @ shown).T, color=REALISED_COLOUR, linewidth=0.7, zorder=4, label=_path(frames))
-    ax.plot(*(1e3 * frames.planned @ shown).T, color=PLANNED_COLOUR, linewidth=0.7, zorder=5, label="path planned")
     ax.scatter(
-        *(1e3 * frames.tool[:1] @ shown).T, s=30, color=marks[-1:], edgecolor="black", zorder=6, label="tool", **flat
+        *pivots.T, s=22, color=marks[:-1], edgecolor="white", linewidth=0.5, zorder=3, **flat
+    )
+    if frames.realised is not None:
+        ax.plot(
+            *(1e3 * frames.realised @ shown).T,
+            color=REALISED_COLOUR,
+            linewidth=0.7,
+            zorder=4,
+            label=_path(frames),
+        )
+    ax.plot(
+        *(1e3 * frames.planned @ shown).T,
+        color=PLANNED_COLOUR,
+        linewidth=0.7,
+        zorder=5,
+        label="path planned",
+    )
+    ax.scatter(
+        *(1e3 * frames.tool[:1] @ shown).T,
+        s=30,
+        color=marks[-1:],
+        edgecolor="black",
+        zorder=6,
+        label="tool",
+        **flat,
     )
     ax.set_title(view.name)
     if not view.parallel and frames.flat:  # matplotlib's own room for no height at all is in mm
         height = 1e3 * frames.box[0, 2]
-        ax.set(zlim=height + 1e3 * FLAT_HEIGHT_SHARE * frames.size * np.array([-1, 1]), zticks=[height])
+        ax.set(
+            zlim=height + 1e3 * FLAT_HEIGHT_SHARE * frames.size * np.array([-1, 1]), zticks=[height]
+        )
     ax.set_aspect("equal", **({"adjustable": "datalim"} if view.parallel else {}))
     if view.parallel:
         for way, axis in zip("xy", shown.T, strict=True):
@@ -177,7 +217,9 @@ def _plane(view: View) -> Array:
 
 
 def _path(frames: Frames) -> str:
-    named = "path of the pulses, behind the input shapers" if frames.shaped else "path of the pulses"
+    named = (
+        "path of the pulses, behind the input shapers" if frames.shaped else "path of the pulses"
+    )
     return named + ("" if frames.magnified == 1 else f", error × {frames.magnified:g}")
 
 

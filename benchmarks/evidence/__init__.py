@@ -1,1 +1,4 @@
-"""Measurements from which every published figure comes. They are not installed with the packages."""
+"""Measurements from which every published figure comes.
+
+They are not installed with the packages.
+"""

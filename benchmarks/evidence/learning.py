@@ -1,4 +1,6 @@
-"""Norm-optimal iterative learning control: the command of one motion, corrected from trial to trial within limits."""
+"""Norm-optimal iterative learning control: the command of one motion, corrected from trial to trial
+within limits.
+"""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -16,7 +18,9 @@ from kinematics.foundation.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class Learned:
-    """The corrected table of commands of one motion. As a law it sends the table and reads only the card's counter.
+    """The corrected table of commands of one motion.
+
+    As a law it sends the table and reads only the card's counter.
 
     It is valid for the motion and the step of the host on which it was learned.
 
@@ -65,13 +69,15 @@ class Learning:
 
 
 def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None) -> Learning:
-    """Run a task, then correct its command and run it again, `trials` times. From an error e the next command is
+    """Run a task, then correct its command and run it again, `trials` times.
+
+    From an error e the next command is
 
     u⁺ = arg min ‖e − P (u⁺ − u)‖² + σ ‖u⁺ − u‖²  within the limits on speed and acceleration,
 
-    norm-optimal learning with W = I, S = σ I, R = 0 (docs/theory/laws.md). u are the speeds at the start and the end
-    of each step (times dt), P the response of the nominal drives to u over the whole motion (`Horizon`), e the error
-    of the encoders. The first u is that of the reference.
+    norm-optimal learning with W = I, S = σ I, R = 0 (docs/theory/laws.md). u are the speeds at the
+    start and the end of each step (times dt), P the response of the nominal drives to u over the
+    whole motion (`Horizon`), e the error of the encoders. The first u is that of the reference.
 
     rig    gives P and the limits
     plant  the rig on which the trials run; `rig` by default
@@ -99,7 +105,8 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None) -> Lea
 
 
 def fit_feedforward(reference: Reference, law: Learned, axes: NominalAxes) -> NominalAxes:
-    """Fit the position gain K of each axis to a learned command: K carries over to other motions, the table does not.
+    """Fit the position gain K of each axis to a learned command: K carries over to other motions,
+    the table does not.
 
     Least squares of c(t) − r(t + delay) = ṙ/K over the samples.
     """
@@ -118,7 +125,9 @@ def _tabulate(reference: Reference, u: Array) -> Learned:
     return Learned(reference.position[0] + travel, (end - start) / reference.dt)
 
 
-def _measure_error(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, program: Horizon) -> Array:
+def _measure_error(
+    reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, program: Horizon
+) -> Array:
     """Return reference − encoder (n, steps · m), pulses, at the instants of `program`.
 
     Half of the nominal play is added, which the encoders do not see.

@@ -66,7 +66,9 @@ def processor_time() -> float:
 
 
 def peak_memory() -> int:
-    """Return the bytes of memory that the largest of this process and its ended ones had at most."""
+    """Return the bytes of memory that the largest of this process and its ended ones had at
+    most.
+    """
     # ru_maxrss of this process would count the memory of the process that started it
     mine = int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
     return 1024 * max(mine, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)

@@ -136,7 +136,9 @@ def add_option(parser: argparse.ArgumentParser, parameter: inspect.Parameter) ->
 
 
 def write_lines(lines: Iterator[str], path: Path | None) -> None:
-    """Print each line as soon as it is there, or write all of them to a file when the last one is."""
+    """Print each line as soon as it is there, or write all of them to a file when the last one
+    is.
+    """
     if path is None:
         for line in lines:
             print(line, flush=True)

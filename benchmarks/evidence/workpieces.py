@@ -19,7 +19,9 @@ HEAD = "G21 G90 G17 G64 P0.02"
 
 
 def spiral(lines: int) -> Iterator[str]:
-    """Generate a pocket: an Archimedean spiral in lines of 0.42 mm, begun anew at a width of 9 mm."""
+    """Generate a pocket: an Archimedean spiral in lines of 0.42 mm, begun anew at a width of 9
+    mm.
+    """
     step, begin = 0.42, 1.0
     growth = 1.5 / (2 * pi)
     yield HEAD
@@ -59,7 +61,9 @@ LETTERS = {
     "P": "0,0 0,6 2.5,6 3.6,5.4 4,4.5 3.6,3.6 2.5,3 0,3",
     "U": "0,6 0,2 0.4,0.8 1.3,0.1 2,0 2.7,0.1 3.6,0.8 4,2 4,6",
     "L": "0,6 0,0 3.6,0",
-    "S": ("3.8,5 3.2,5.7 2,6 0.8,5.6 0.3,4.6 0.8,3.6 2,3.1 3.3,2.5 3.8,1.5 3.2,0.4 2,0 0.8,0.3 0.2,1"),
+    "S": (
+        "3.8,5 3.2,5.7 2,6 0.8,5.6 0.3,4.6 0.8,3.6 2,3.1 3.3,2.5 3.8,1.5 3.2,0.4 2,0 0.8,0.3 0.2,1"
+    ),
     "E": "3.8,0 0,0 0,6 3.8,6 / 0,3 3,3",
 }
 """Letters 4 wide and 6 high: points "x,y" of their strokes, with a slash between two strokes."""
@@ -109,7 +113,9 @@ G1 X-5 Y-2"""
 
 
 def slots(lines: int) -> Iterator[str]:
-    """Generate slots, whose arcs are tangent to their lines, and lenses with corners between arcs."""
+    """Generate slots, whose arcs are tangent to their lines, and lenses with corners between
+    arcs.
+    """
     yield HEAD
     yield f"G1 X-5 Y-2 Z25 F{FEED:.0f}"
     yield from islice(cycle(SLOTS.splitlines()), lines)

@@ -9,7 +9,13 @@ from benchmarks.reports.page import NARROW, Picture, draw_figure, render, save_f
 from kinematics.calibration import Calibration
 from kinematics.calibration.checks import axis_checks
 from kinematics.calibration.measurements import COMPONENTS
-from kinematics.calibration.result import GROUPS, Estimate, Pulse, describe_combination, identified_pulses
+from kinematics.calibration.result import (
+    GROUPS,
+    Estimate,
+    Pulse,
+    describe_combination,
+    identified_pulses,
+)
 
 MICRO_UNITS = {"m": ("µm", 1e6), "rad": ("µrad", 1e6), "": ("", 1.0)}
 HUMAN_UNITS = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "": ("", 1.0)}
@@ -41,14 +47,21 @@ def draw(calibration: Calibration) -> dict[str, Picture]:
     from kinematics.foundation.figure import new_axes
 
     with style():
-        groups = [group for group in GROUPS if np.isfinite(calibration.rms(calibration.before, group))]
-        figures = {group: draw_figure(calibration.plot(new_axes(None, (NARROW, 3.6)), group=group)) for group in groups}
+        groups = [
+            group for group in GROUPS if np.isfinite(calibration.rms(calibration.before, group))
+        ]
+        figures = {
+            group: draw_figure(calibration.plot(new_axes(None, (NARROW, 3.6)), group=group))
+            for group in groups
+        }
         singular = singular_values(calibration.observability, new_axes(None, (NARROW, 2.8)))
         return figures | {"singular": draw_figure(singular)}
 
 
 def rms_by_stage(calibration: Calibration) -> dict[str, tuple[float, float, float]]:
-    """RMS per component of the fitted poses, by group: before, after, leave-one-out (µm or µrad; NaN: not fitted)."""
+    """RMS per component of the fitted poses, by group: before, after, leave-one-out (µm or µrad;
+    NaN: not fitted).
+    """
     errors = calibration.stages.values()
     rows = {group: [1e6 * calibration.rms(stage, group) for stage in errors] for group in GROUPS}
     return {group: (row[0], row[1], row[2]) for group, row in rows.items() if isfinite(row[0])}
@@ -66,7 +79,9 @@ def explain_pulse(pulse: Pulse) -> str:
     if pulse.step is None:
         return text
     rest = pulse.value / pulse.step.length - 1
-    errors = abs(pulse.value - pulse.step.length) / pulse.error if 0 < pulse.error < np.inf else np.nan
+    errors = (
+        abs(pulse.value - pulse.step.length) / pulse.error if 0 < pulse.error < np.inf else np.nan
+    )
     times = f", {errors:.1f} standard errors" if isfinite(errors) else ""
     return (
         f"{text} Near it is {scale * pulse.step.length:g} {unit} ({pulse.step.name}), "
@@ -80,11 +95,22 @@ def _row(estimate: Estimate) -> tuple[str, str, str, str, str, str]:
     (unit, scale), (small, micro) = HUMAN_UNITS[estimate.unit], MICRO_UNITS[estimate.unit]
     change = micro * (estimate.value - estimate.nominal)
     if isfinite(estimate.error):
-        error = f"{micro * estimate.error:.6f}" if not unit else f"{micro * estimate.error:.2f} {small}"
+        error = (
+            f"{micro * estimate.error:.6f}" if not unit else f"{micro * estimate.error:.2f} {small}"
+        )
     else:
         error = "not identifiable" if estimate.error == np.inf else "unknown"
-    nominal, value = (f"{scale * number:.{4 if unit else 6}f}" for number in (estimate.nominal, estimate.value))
-    return estimate.name, nominal, value, f"{change:+.2f} {small}" if unit else f"{change:+.6f}", error, unit
+    nominal, value = (
+        f"{scale * number:.{4 if unit else 6}f}" for number in (estimate.nominal, estimate.value)
+    )
+    return (
+        estimate.name,
+        nominal,
+        value,
+        f"{change:+.2f} {small}" if unit else f"{change:+.6f}",
+        error,
+        unit,
+    )
 
 
 def _page(calibration: Calibration, figures: dict[str, Picture]) -> str:
@@ -111,13 +137,24 @@ def _page(calibration: Calibration, figures: dict[str, Picture]) -> str:
     )
 
 
-def _errors(calibration: Calibration, group: str) -> tuple[list[str], list[tuple[str, bool, list[str]]]]:
-    """The stages that have errors; of each pose where the group was measured its label, whether it was fitted, and its
-    errors stage by stage."""
+def _errors(
+    calibration: Calibration, group: str
+) -> tuple[list[str], list[tuple[str, bool, list[str]]]]:
+    """The stages that have errors; of each pose where the group was measured its label, whether it
+    was fitted, and its errors stage by stage.
+    """
     part, data = GROUPS[group], calibration.measurements
-    stages = {name: stage[:, part] for name, stage in calibration.stages.items() if np.isfinite(stage[:, part]).any()}
+    stages = {
+        name: stage[:, part]
+        for name, stage in calibration.stages.items()
+        if np.isfinite(stage[:, part]).any()
+    }
     errors = np.concatenate(list(stages.values()), 1)
     return list(stages), [
-        (data.labels[k], bool(data.fit[k]), [f"{1e6 * value:.1f}" if isfinite(value) else "–" for value in errors[k]])
+        (
+            data.labels[k],
+            bool(data.fit[k]),
+            [f"{1e6 * value:.1f}" if isfinite(value) else "–" for value in errors[k]],
+        )
         for k in np.flatnonzero(np.isfinite(calibration.before[:, part]).any(1))
     ]

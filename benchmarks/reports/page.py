@@ -24,7 +24,9 @@ DPI, SMALL_DPI = 150, 115
 NARROW = 5.4
 """Width (inches) of a figure whose letters are large enough on the screen of a telephone."""
 COLOURS, NEARLY_WHITE = 128, 248
-"""Colours in the palette of a figure, enough for a colour map and soft edges; channel value that counts as white."""
+"""Colours in the palette of a figure, enough for a colour map and soft edges; channel value that
+counts as white.
+"""
 EDGE = 12
 """Blank dots that stay at the left and the right of a figure."""
 MAX_TEXT_LENGTH = 1 << 16
@@ -36,7 +38,12 @@ def style() -> AbstractContextManager[None]:
     from matplotlib import rc_context
 
     return rc_context(
-        {"axes.grid": True, "grid.color": "#E6E6E6", "axes.spines.top": False, "axes.spines.right": False}
+        {
+            "axes.grid": True,
+            "grid.color": "#E6E6E6",
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+        }
     )
 
 
@@ -49,7 +56,9 @@ class Picture:
 
 
 def draw_figure(*axes: "Axes", small: bool = False) -> Picture:
-    """Return the picture of the figure that the axes belong to. Axes that share a time axis have one label.
+    """Return the picture of the figure that the axes belong to.
+
+    Axes that share a time axis have one label.
 
     small: fewer dots, for pages with many figures.
     """
@@ -68,7 +77,9 @@ def draw_figure(*axes: "Axes", small: bool = False) -> Picture:
 
 
 def _render_png(figure: "Figure") -> bytes:
-    """Render with a palette of 128 colours: a quarter of the bytes, in the time of their compression."""
+    """Render with a palette of 128 colours: a quarter of the bytes, in the time of their
+    compression.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image  # comes with matplotlib
 
@@ -82,7 +93,9 @@ def _render_png(figure: "Figure") -> bytes:
     out = BytesIO()
     reduced = drawn.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     palette = np.array(reduced.getpalette("RGB"))
-    reduced.putpalette(np.where(palette >= NEARLY_WHITE, 255, palette).tolist())  # the paper stays white
+    reduced.putpalette(
+        np.where(palette >= NEARLY_WHITE, 255, palette).tolist()
+    )  # the paper stays white
     reduced.save(out, "PNG", dpi=(figure.dpi, figure.dpi))
     return out.getvalue()
 
@@ -100,11 +113,15 @@ def render(template: str, figures: Mapping[str, Picture], **values: object) -> s
         finalize=_escape_text,
     )
     pages.filters.update(FILTERS)
-    pages.globals["read_file"] = lambda name: Markup(_read_template_file(name))  # ours, as it stands
+    pages.globals["read_file"] = lambda name: Markup(
+        _read_template_file(name)
+    )  # ours, as it stands
     drawn = {name: b64encode(drawing.png).decode("ascii") for name, drawing in figures.items()}
     series = pack_panels({name: drawing.panels for name, drawing in figures.items()})
     return pages.get_template(template).render(
-        figures=drawn, series=series, **{name: _escape_data(value) for name, value in values.items()}
+        figures=drawn,
+        series=series,
+        **{name: _escape_data(value) for name, value in values.items()},
     )
 
 

@@ -82,7 +82,8 @@ class PlanReport:
 
     @property
     def time_saved(self) -> float:
-        """Time (s) saved against the baseline; negative if the baseline is faster, with fewer limits.
+        """Time (s) saved against the baseline; negative if the baseline is faster, with fewer
+        limits.
 
         NaN: there is no baseline.
         """

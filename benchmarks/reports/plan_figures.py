@@ -1,4 +1,6 @@
-"""The figures of a plan's report: axes, path, limits, baseline, worth, stops, quantization, tracking."""
+"""The figures of a plan's report: axes, path, limits, baseline, worth, stops, quantization,
+tracking.
+"""
 
 from collections.abc import Sequence
 from itertools import cycle

@@ -143,7 +143,10 @@ def _describe_parts(report: PlanReport, plan: PlanStanding) -> dict[str, object]
         tables = {f"Each segment of the program{apart}: {SEGMENT_FACTS}": longest}
     else:
         first = f"The {MOST_SEGMENTS} segments that take longest, and the limit that is active longest in each."
-        tables = {first: longest, "The segments of the least mean speed.": activity.tabulate_slowest()}
+        tables = {
+            first: longest,
+            "The segments of the least mean speed.": activity.tabulate_slowest(),
+        }
     return {
         "duration": plan.duration,
         "axis_bounds": None,
@@ -160,7 +163,9 @@ def _describe_parts(report: PlanReport, plan: PlanStanding) -> dict[str, object]
 
 
 def _tabulate_certificate(certificate: Certificate, allowed: Mapping[str, str]) -> Table:
-    """Tabulate the proved and the attained use of each limit. allowed: bounds by limit, or empty."""
+    """Tabulate the proved and the attained use of each limit. allowed: bounds by limit, or
+    empty.
+    """
     (table,) = certificate.tables()
     names, proved, *where = table.columns
     # A lower bound is rounded down, so that the text is one too.
@@ -181,7 +186,11 @@ def _tabulate_pulses(report: PlanReport) -> Table:
     columns = [
         Column("axis", [axis.name for axis in axes]),
         Column("pulses", [group_digits(number) for number, _ in counted], right=True),
-        Column("one pulse", [f"{1e6 * axis.pulse:.6g} µ{each.unit}" for axis, each in driven], right=True),
+        Column(
+            "one pulse",
+            [f"{1e6 * axis.pulse:.6g} µ{each.unit}" for axis, each in driven],
+            right=True,
+        ),
         Column("first count", [group_digits(axis.start) for axis in axes], right=True),
         Column("last count", [group_digits(final) for final in finals], right=True),
     ]
@@ -196,7 +205,9 @@ def _tabulate_pulses(report: PlanReport) -> Table:
         none = {"None": "–"}
         columns.append(Column("largest time error (ticks)", errors, form=".4f", words=none))
     clock = f"clock {group_digits(plan.pulses.clock_hz)} Hz. Firing rule: {plan.pulses.rule}"
-    notes = ["the stated error bounds the difference between counts and motion, in addition to one tick’s travel"]
+    notes = [
+        "the stated error bounds the difference between counts and motion, in addition to one tick’s travel"
+    ]
     if checked:
         notes.append("the time error is given if every pulse marks a crossing")
     return Table(clock, tuple(columns), tuple(notes))
@@ -230,7 +241,9 @@ def _join_bounds(bounds: Sequence[float], directed: bool) -> str:
 
 
 def _list_top_worth(worth: Worth | None) -> Iterator[tuple[str, float, float]]:
-    """Yield the limits that are worth most, the ms that 1 % more of each saves, and its share of the most."""
+    """Yield the limits that are worth most, the ms that 1 % more of each saves, and its share of
+    the most.
+    """
     from planner.bounds.limit_worth import call
 
     if worth is None:

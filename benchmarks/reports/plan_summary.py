@@ -113,9 +113,13 @@ class Row:
 
 
 def summarise(report: PlanReport) -> list[Row]:
-    """Return the summary of a plan, which its page begins with; the brief rows are the first screen."""
+    """Return the summary of a plan, which its page begins with; the brief rows are the first
+    screen.
+    """
     plan = report.plan
-    rows = _summarise_parts(plan) if isinstance(plan, PlanStanding) else _summarise_whole(report, plan)
+    rows = (
+        _summarise_parts(plan) if isinstance(plan, PlanStanding) else _summarise_whole(report, plan)
+    )
     return [row for row in (*rows, *_describe_pulses(report)) if row.text]
 
 

@@ -17,7 +17,9 @@ MOST_RUNS = 2000
 
 
 def make_band(plan: Plan) -> dict[str, Any]:
-    """Return the changes of the active limit (s, index or −1), and the names and colours of active limits."""
+    """Return the changes of the active limit (s, index or −1), and the names and colours of active
+    limits.
+    """
     active = active_limits(plan)
     knots = plan.trajectory.knots
     if len(active) > MOST_RUNS:  # show the active limit in the middle of each of MOST_RUNS windows
@@ -29,12 +31,16 @@ def make_band(plan: Plan) -> dict[str, Any]:
 
 
 def make_window_band(activity: Activity) -> dict[str, Any]:
-    """Return the band of a plan in parts: the limit that is active longest in each window of time."""
+    """Return the band of a plan in parts: the limit that is active longest in each window of
+    time.
+    """
     return _pack_band(activity.t, activity.active, [*activity.names])
 
 
 def _pack_band(t: Array, active: np.ndarray, names: Sequence[str]) -> dict[str, Any]:
-    """Return the band of an active limit: its index (N,) in `names`, or −1, from each time t (s) on."""
+    """Return the band of an active limit: its index (N,) in `names`, or −1, from each time t (s)
+    on.
+    """
     owners = sorted({int(owner) for owner in active if owner >= 0})
     styles = style_limits(names)
     begins = np.flatnonzero(np.diff(active, prepend=-2))
@@ -46,7 +52,9 @@ def _pack_band(t: Array, active: np.ndarray, names: Sequence[str]) -> dict[str, 
 
 
 def list_segments(plan: Plan) -> list[tuple[float, str]]:
-    """Return the time at which each segment of the program begins, and its name (`name_segment`)."""
+    """Return the time at which each segment of the program begins, and its name
+    (`name_segment`).
+    """
     segments = plan.program.segments
     knots = plan.trajectory.knots
     return [(float(knots[k]), name_segment(n, segments[n - 1])) for k, n in find_segments(plan)]
@@ -60,4 +68,7 @@ def list_window_segments(overview: Overview, activity: Activity) -> list[tuple[f
     begins = np.flatnonzero(np.diff(overview.segments, prepend=0))
     numbers = [int(overview.segments[k]) for k in begins]
     segments = activity.find_segments(number - 1 for number in numbers)
-    return [(float(overview.t[k]), name_segment(n, segments[n - 1])) for k, n in zip(begins, numbers, strict=True)]
+    return [
+        (float(overview.t[k]), name_segment(n, segments[n - 1]))
+        for k, n in zip(begins, numbers, strict=True)
+    ]

@@ -63,7 +63,9 @@ def _draw_path(overview: Overview) -> "Axes":
 
 
 def _draw_axes(plan: PlanStanding, overview: Overview, activity: Activity) -> Picture:
-    """Draw the range of each axis, the largest tool speed and the limits' shares in every window."""
+    """Draw the range of each axis, the largest tool speed and the limits' shares in every
+    window.
+    """
     from matplotlib.figure import Figure
 
     panels = [
@@ -116,7 +118,9 @@ def _make_axis_panels(plan: PlanStanding, overview: Overview) -> Iterator[Panel]
             yield Panel(f"{name} ({unit}{per})", tuple(series), levels)
 
 
-def _join_extremes(t: Array, first: Array, low: Array, high: Array, end: float) -> tuple[Array, Array]:
+def _join_extremes(
+    t: Array, first: Array, low: Array, high: Array, end: float
+) -> tuple[Array, Array]:
     """Return times and values (2 N + 2,) of windows that begin at t (N,), as `keep_extremes` does.
 
     Of the two extremes in a window, the one nearer to its first value comes first.
@@ -147,7 +151,10 @@ def _make_use_panel(activity: Activity) -> Panel:
 
     edges = np.append(activity.t, activity.end)
     styles = style_limits(activity.use)
-    series = [_make_steps(name, edges, use, str(styles[name]["color"])) for name, use in activity.use.items()]
+    series = [
+        _make_steps(name, edges, use, str(styles[name]["color"]))
+        for name, use in activity.use.items()
+    ]
     return Panel("largest share of the limit", tuple(series), ((1.0, "#000000"),))
 
 

@@ -1,6 +1,8 @@
-"""Runs a grid and keeps what it finds: `python -m benchmarks.sweep servo-rig --out DIR --law 6 --law ff:speed=1`.
+"""Runs a grid and keeps what it finds: `python -m benchmarks.sweep servo-rig --out DIR --law 6
+--law ff:speed=1`.
 
-`pulsepath compare --from DIR` makes a report of it. `--address` gives the work to an existing Dask cluster.
+`pulsepath compare --from DIR` makes a report of it. `--address` gives the work to an existing Dask
+cluster.
 """
 
 import sys
@@ -18,16 +20,27 @@ from kinematics.foundation.names import count_noun
 def main() -> int:
     parser = ArgumentParser(prog="python -m benchmarks.sweep", description=__doc__)
     parser.add_argument("rig", help="preset or file")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the runs, finished ones of which are kept")
-    parser.add_argument("--law", action="append", help="over its own gains, or with given ones; default: all laws")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="folder of the runs, finished ones of which are kept",
+    )
+    parser.add_argument(
+        "--law", action="append", help="over its own gains, or with given ones; default: all laws"
+    )
     parser.add_argument("--task", action="append", help="of the rig; default: all")
     parser.add_argument("--seeds", type=int, default=1, help="how many of each")
-    parser.add_argument("--address", help="of a Dask scheduler; default: the cores of this computer")
+    parser.add_argument(
+        "--address", help="of a Dask scheduler; default: the cores of this computer"
+    )
     asked, begin = parser.parse_args(), perf_counter()
     try:
         rig = load_rig(asked.rig)
         laws = asked.law or [names[-1] for names in LAWS]
-        settings = [one for law in laws for one in ([read_setting(law)] if ":" in law else settings_of(law))]
+        settings = [
+            one for law in laws for one in ([read_setting(law)] if ":" in law else settings_of(law))
+        ]
         tasks = asked.task or [task.name for task in rig.tasks]
         grid = Grid(tuple(settings), tuple(tasks), seeds=tuple(range(asked.seeds)))
         runs = sweep(grid, rig, asked.out, address=asked.address, progress=_tell, tell=_say)

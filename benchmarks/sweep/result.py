@@ -41,21 +41,28 @@ class Setting:
     @property
     def text(self) -> str:
         """As `read_setting` reads it: "closed-position:gain=0.7"."""
-        return self.law + "".join(f"{',' if n else ':'}{name}={value!r}" for n, (name, value) in enumerate(self.gains))
+        return self.law + "".join(
+            f"{',' if n else ':'}{name}={value!r}" for n, (name, value) in enumerate(self.gains)
+        )
 
     @property
     def label(self) -> str:
         """For tables and figures: "closed-position gain 0.7"."""
-        return " ".join([self.law, *(f"{name.replace('_', ' ')} {value:g}" for name, value in self.gains)])
+        return " ".join(
+            [self.law, *(f"{name.replace('_', ' ')} {value:g}" for name, value in self.gains)]
+        )
 
     def make_law(self, rig: Rig | None = None) -> AnyLaw:
-        """The law itself; a law by model knows the axes of the rig, or those that it assumes where none is given."""
+        """The law itself; a law by model knows the axes of the rig, or those that it assumes where
+        none is given.
+        """
         return find_law(self.law, rig, **dict(self.gains))
 
 
 @check_arguments()
 def read_setting(text: str) -> Setting:
-    """The setting of a text such as "closed-position", "6" or "6:gain=0.7"; gains not given have the law's defaults.
+    """The setting of a text such as "closed-position", "6" or "6:gain=0.7"; gains not given have
+    the law's defaults.
 
     Raises MotionError for an unknown law or gain, and for a value that the law refuses.
     """
@@ -90,11 +97,16 @@ def settings_of(name: str) -> list[Setting]:
         The name is unknown; the nearest is told.
     """
     grid = find_law(name).grid
-    return [Setting(_full_name(name), tuple(zip(grid, values, strict=True))) for values in product(*grid.values())]
+    return [
+        Setting(_full_name(name), tuple(zip(grid, values, strict=True)))
+        for values in product(*grid.values())
+    ]
 
 
 def setting_columns(settings: Sequence[Setting]) -> tuple[Column, ...]:
-    """The law of each setting, and a column for each gain that any of them has; None where a law has no such gain."""
+    """The law of each setting, and a column for each gain that any of them has; None where a law
+    has no such gain.
+    """
     values = [dict(setting.gains) for setting in settings]
     names = dict.fromkeys(name for gains in values for name in gains)
     return (
@@ -108,8 +120,13 @@ def _full_name(name: str) -> str:
 
 
 def batch_law(settings: Sequence[Setting], rig: Rig) -> AnyLaw:
-    """One law whose gains are arrays (B, 1), of B settings of the same law; the rig as stated is what it knows of."""
-    values = {gain: np.array([[dict(setting.gains)[gain]] for setting in settings]) for gain, _ in settings[0].gains}
+    """One law whose gains are arrays (B, 1), of B settings of the same law; the rig as stated is
+    what it knows of.
+    """
+    values = {
+        gain: np.array([[dict(setting.gains)[gain]] for setting in settings])
+        for gain, _ in settings[0].gains
+    }
     return find_law(settings[0].law, rig, **values)
 
 
@@ -135,7 +152,10 @@ VARIATIONS = (
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One run. seed: added to that of the rig's host, whose timing is drawn by chance where it sleeps."""
+    """One run.
+
+    seed: added to that of the rig's host, whose timing is drawn by chance where it sleeps.
+    """
 
     setting: Setting
     task: str
@@ -154,8 +174,10 @@ class RunSeries:
     s                   (N,) place along the path that was planned for then
     planned, actual     (N, 3) m, or (N, n) axis positions where the motion has no path in space
     contour, tracking   (N,) the distances to the path and to the plan
-    torque              (N, n) torque over its limit, of the largest magnitude until the next instant
-    reference, feedback (N, n) m or rad: where each axis should have been and what its encoder read; (N, 0) in runs
+    torque              (N, n) torque over its limit, of the largest magnitude until the next
+                        instant
+    reference, feedback (N, n) m or rad: where each axis should have been and what its encoder read;
+    (N, 0) in runs
                         that were saved before these were kept
     """
 
@@ -181,7 +203,9 @@ class RunSeries:
                 return None
             none = np.empty((len(file[FIRST_SERIES_FIELD]), 0))
             names = [one.name for one in fields(RunSeries)]
-            return RunSeries(*(file[name].astype(float) if name in file else none for name in names))
+            return RunSeries(
+                *(file[name].astype(float) if name in file else none for name in names)
+            )
 
 
 FIRST_SERIES_FIELD = "t"
@@ -202,9 +226,18 @@ class RunResult:
 
     def pack(self) -> bytes:
         """As an .npz file: the record as JSON text, and the arrays in single precision."""
-        arrays = {} if self.series is None else {one.name: getattr(self.series, one.name) for one in fields(RunSeries)}
+        arrays = (
+            {}
+            if self.series is None
+            else {one.name: getattr(self.series, one.name) for one in fields(RunSeries)}
+        )
         cell = asdict(self.cell)
-        record = {"cell": cell, "figures": dict(self.figures), "failure": self.failure, "arrays": sorted(arrays)}
+        record = {
+            "cell": cell,
+            "figures": dict(self.figures),
+            "failure": self.failure,
+            "arrays": sorted(arrays),
+        }
         buffer = BytesIO()
         np.savez_compressed(
             buffer,
@@ -215,9 +248,12 @@ class RunResult:
 
     @staticmethod
     def unpack(content: bytes) -> RunResult:
-        """What `pack` made, without the series. Raises DamagedRun for anything else, were it by a single bit.
+        """What `pack` made, without the series.
 
-        Every array is read, and so held against its checksum: what is damaged is found here, not by who uses it.
+        Raises DamagedRun for anything else, were it by a single bit.
+
+        Every array is read, and so held against its checksum: what is damaged is found here, not by
+        who uses it.
         """
         try:
             with np.load(BytesIO(content), allow_pickle=False) as file:
@@ -227,21 +263,32 @@ class RunResult:
                 raise KeyError(f"arrays {', '.join(sorted(arrays))}")
             cell, setting = record["cell"], record["cell"]["setting"]
             gains = tuple((name, value) for name, value in setting["gains"])
-            made = Cell(Setting(setting["law"], gains), cell["task"], Variation(**cell["variation"]), cell["seed"])
+            made = Cell(
+                Setting(setting["law"], gains),
+                cell["task"],
+                Variation(**cell["variation"]),
+                cell["seed"],
+            )
             return RunResult(made, record["figures"], record["failure"])
         except Exception as error:  # of zipfile, zlib, struct, json or numpy: whatever a byte out of place leads to
             raise DamagedRun(f"no run can be read: {type(error).__name__}: {error}") from error
 
 
 def figure_unit(figure: str, task: str, record: Mapping[str, Any]) -> str:
-    """SI unit of a figure on a path of recorded runs; empty for shares, and where axes of two kinds have it."""
+    """SI unit of a figure on a path of recorded runs; empty for shares, and where axes of two kinds
+    have it.
+    """
     from controllers.metrics import FIGURES
 
     name, _, axis = figure.partition(".")
     unit = next((one.unit for one in FIGURES if one.name == name), "")
     kinds = {record["axes"].get(axis)} if axis else set(record["axes"].values())
     own = kinds.pop() if len(kinds) == 1 else ""
-    return unit.replace("path", record["tasks"][task]["unit"]).replace("axis", own or "").removeprefix("1")
+    return (
+        unit.replace("path", record["tasks"][task]["unit"])
+        .replace("axis", own or "")
+        .removeprefix("1")
+    )
 
 
 CELLS, RECORD, KIND = "cells", "runs.json", "pulsepath runs"
@@ -251,14 +298,19 @@ SEAL = "sha256_of_this"
 
 
 class Store:
-    """The folder of a sweep. Several sweeps may use it at once: what both run, both write, to the same content."""
+    """The folder of a sweep.
+
+    Several sweeps may use it at once: what both run, both write, to the same content.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         (folder / CELLS).mkdir(parents=True, exist_ok=True)
 
     def find(self, key: str, cell: Cell | None = None) -> RunResult | None:
-        """The run of a key, if it is kept whole; a file that cannot be read, or is of another cell, counts as none."""
+        """The run of a key, if it is kept whole; a file that cannot be read, or is of another cell,
+        counts as none.
+        """
         try:
             found = RunResult.unpack((self.folder / CELLS / f"{key}.npz").read_bytes())
         except (OSError, DamagedRun):
@@ -286,7 +338,9 @@ class Store:
 
 @dataclass(frozen=True, slots=True)
 class SavedRuns(Result):
-    """Saved runs that belong together, by the names of their files, and the record of how they were made."""
+    """Saved runs that belong together, by the names of their files, and the record of how they were
+    made.
+    """
 
     saved_as: ClassVar[str] = "Runs"
     folder: Path
@@ -298,16 +352,23 @@ class SavedRuns(Result):
         return self.folder.resolve().name
 
     def tables(self) -> tuple[Table, ...]:
-        """A row for each run: its error to the path, and why it failed if it did; `benchmarks.reports.gain` ranks
-        them."""
-        return (self._table(("contour_rms", "contour_max", "tracking_rms", "end_time", "torque_peak")),)
+        """A row for each run: its error to the path, and why it failed if it did;
+        `benchmarks.reports.gain` ranks them.
+        """
+        return (
+            self._table(("contour_rms", "contour_max", "tracking_rms", "end_time", "torque_peak")),
+        )
 
     def data(self) -> Table:
         """A row for each run, with every figure of it."""
-        return self._table(tuple(dict.fromkeys(name for one in self.results.values() for name in one.figures)))
+        return self._table(
+            tuple(dict.fromkeys(name for one in self.results.values() for name in one.figures))
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """The largest RMS contour error of each setting over its rigs and seeds, on paths of the first one's unit."""
+        """The largest RMS contour error of each setting over its rigs and seeds, on paths of the
+        first one's unit.
+        """
         from kinematics.foundation.figure import draw_bars
 
         runs = [one for one in self.results.values() if one.figures]
@@ -315,10 +376,15 @@ class SavedRuns(Result):
         largest: dict[str, float] = {}
         for one, unit in zip(runs, units, strict=True):
             if unit == units[0]:
-                name, error = f"{one.cell.setting.label}, {one.cell.task}", one.figures["contour_rms"]
+                name, error = (
+                    f"{one.cell.setting.label}, {one.cell.task}",
+                    one.figures["contour_rms"],
+                )
                 largest[name] = max(largest.get(name, 0.0), 1e6 * error)
         unit = units[0] if units else "m"
-        return draw_bars([*largest], [*largest.values()], f"largest RMS contour error (µ{unit})", ax)
+        return draw_bars(
+            [*largest], [*largest.values()], f"largest RMS contour error (µ{unit})", ax
+        )
 
     def _table(self, figures: Sequence[str]) -> Table:
         runs = [*self.results.values()]
@@ -352,7 +418,10 @@ def _seal(record: Mapping[str, Any]) -> str:
 
 
 def load_runs(folder: Path) -> SavedRuns:
-    """The runs of a folder that a sweep wrote. Raises MotionError where there are none, or a file is lost."""
+    """The runs of a folder that a sweep wrote.
+
+    Raises MotionError where there are none, or a file is lost.
+    """
     hint = "give a folder that a sweep wrote"
     try:
         record = json.loads((folder / RECORD).read_bytes())
@@ -361,16 +430,22 @@ def load_runs(folder: Path) -> SavedRuns:
         raise MotionError(f"{folder} holds no saved runs ({RECORD}: {told}); {hint}") from None
     if not isinstance(record, dict) or record.get("kind") != KIND:
         raise MotionError(f"{folder / RECORD} is not a record of saved runs; {hint}")
-    if not isinstance(record.get("cells"), list) or (SEAL in record and record[SEAL] != _seal(record)):
+    if not isinstance(record.get("cells"), list) or (
+        SEAL in record and record[SEAL] != _seal(record)
+    ):
         raise MotionError(f"{folder / RECORD} is damaged; run the sweep again, the runs are kept")
     store, results = Store(folder), {}
     for key in record["cells"]:
         found = store.find(key)
         if found is None:
             lost = folder / CELLS / f"{key}.npz"
-            raise MotionError(f"{lost} is lost or damaged; run the sweep again, the others are kept")
+            raise MotionError(
+                f"{lost} is lost or damaged; run the sweep again, the others are kept"
+            )
         if store.digest(key) != record.get(DIGESTS, {}).get(key, store.digest(key)):
             changed = folder / CELLS / f"{key}.npz"
-            raise MotionError(f"{changed} is not the run that was recorded; remove it and run the sweep again")
+            raise MotionError(
+                f"{changed} is not the run that was recorded; remove it and run the sweep again"
+            )
         results[key] = found
     return SavedRuns(folder, record, results)

@@ -1,7 +1,7 @@
 """A sweep: the runs of a grid that are not kept yet are made, on a cluster where Dask is installed.
 
-Runs of one law on one task are simulated at once, as a batch, and each is then reduced to its figures. What a run
-depends on is one hash: the same hash, the same result.
+Runs of one law on one task are simulated at once, as a batch, and each is then reduced to its
+figures. What a run depends on is one hash: the same hash, the same result.
 """
 
 from __future__ import annotations
@@ -59,7 +59,9 @@ PACKAGES = ("kinematics", "planner", "controllers", "benchmarks.sweep")
 
 
 def digest(cell: Cell, of: Digests) -> str:
-    """SHA-256 of the cell, its rig, its task, the code, its libraries and Python, as 32 hexadecimal digits."""
+    """SHA-256 of the cell, its rig, its task, the code, its libraries and Python, as 32 hexadecimal
+    digits.
+    """
     return _hash([cell, of.rig, of.tasks[cell.task], of.code, of.libraries, of.python])[:32]
 
 
@@ -85,7 +87,9 @@ def code() -> str:
         pending = [files(package)]
         while pending:
             entries = sorted(pending.pop().iterdir(), key=lambda entry: entry.name)
-            pending += [entry for entry in entries if entry.is_dir() and entry.name != "__pycache__"]
+            pending += [
+                entry for entry in entries if entry.is_dir() and entry.name != "__pycache__"
+            ]
             for entry in entries:
                 if entry.name.endswith(".py"):
                     found.update(entry.read_bytes())
@@ -121,8 +125,19 @@ def _feed(value: object, found: Any) -> None:
             found.update(np.ascontiguousarray(value).tobytes())
         case Machine():
             home = value.home.as_matrix()
-            # the map from poses to axes enters by its slope here, and by the task's own poses and positions
-            _feed((type(value).__name__, value.name, value.axes, home, value.home_q, value.jacobian(value.home)), found)
+            # the map from poses to axes enters by its slope here, and by the task's own poses and
+            # positions
+            _feed(
+                (
+                    type(value).__name__,
+                    value.name,
+                    value.axes,
+                    home,
+                    value.home_q,
+                    value.jacobian(value.home),
+                ),
+                found,
+            )
         case Task():
             _feed((value.name, value.dt, _motion(value.motion)), found)
         case dict():
@@ -136,7 +151,9 @@ def _feed(value: object, found: Any) -> None:
             for field in fields(value):
                 _feed((field.name, getattr(value, field.name)), found)
         case _:
-            raise MotionError(f"sweep: {type(value).__name__} {value!r:.80} has no hash; give rigs plain data")
+            raise MotionError(
+                f"sweep: {type(value).__name__} {value!r:.80} has no hash; give rigs plain data"
+            )
 
 
 def _motion(motion: Any) -> list[Any]:
@@ -191,12 +208,16 @@ def list_cells(grid: Grid, rig: Rig) -> list[Cell]:
     equal, random = find_equal_rigs(grid, rig), set(find_random_laws(grid, rig))
     first = grid.seeds[:1]
     return [
-        cell for cell in grid if cell.variation.name not in equal and (cell.setting.law in random or cell.seed in first)
+        cell
+        for cell in grid
+        if cell.variation.name not in equal and (cell.setting.law in random or cell.seed in first)
     ]
 
 
 def find_equal_rigs(grid: Grid, rig: Rig) -> dict[str, str]:
-    """Return the variations that do not change the rig, or change it as an earlier one does: name -> earlier name."""
+    """Return the variations that do not change the rig, or change it as an earlier one does: name
+    -> earlier name.
+    """
     names: dict[str, str] = {}
     equal = {}
     for variation in dict.fromkeys(grid.variations):
@@ -208,13 +229,18 @@ def find_equal_rigs(grid: Grid, rig: Rig) -> dict[str, str]:
 
 
 def find_random_laws(grid: Grid, rig: Rig) -> list[str]:
-    """List the laws whose runs depend on the seed: their host sleeps, and wakes at times drawn by chance."""
+    """List the laws whose runs depend on the seed: their host sleeps, and wakes at times drawn by
+    chance.
+    """
     laws = dict.fromkeys(setting.law for setting in grid.settings)
     return [law for law in laws if rig.host.draws(find_law(law).host)]
 
 
 def score(cells: Sequence[Cell], rig: Rig) -> list[RunResult]:
-    """The results of runs of one law on one task, in order. What a run raises of MotionError is its failure."""
+    """The results of runs of one law on one task, in order.
+
+    What a run raises of MotionError is its failure.
+    """
     task, machine = rig.task(cells[0].task), rig.machine
     try:
         law = batch_law([cell.setting for cell in cells], rig)
@@ -231,7 +257,9 @@ def score(cells: Sequence[Cell], rig: Rig) -> list[RunResult]:
     every = max(1, round(BATCH_PERIOD / (runs.t[1] - runs.t[0])))
     read = machine.home_q + runs.measured[::every] * [axis.pulse for axis in machine.axes]
     return [
-        _reduce_run(cell, of, sample_plan(task.motion, machine, of.t), read[:, lane], share[:, lane], every)
+        _reduce_run(
+            cell, of, sample_plan(task.motion, machine, of.t), read[:, lane], share[:, lane], every
+        )
         for lane, (cell, of) in enumerate(zip(cells, metrics, strict=True))
     ]
 
@@ -245,8 +273,9 @@ def _vary_rig(rig: Rig, cell: Cell) -> Rig:
 def _reduce_run(
     cell: Cell, metrics: Metrics, planned: PlannedStates, read: Array, share: Array, every: int
 ) -> RunResult:
-    """read (K, n): by the encoders; share (N, n): torque over its limit at all samples, of which the metrics see one in
-    `every`."""
+    """read (K, n): by the encoders; share (N, n): torque over its limit at all samples, of which
+    the metrics see one in `every`.
+    """
     figures = metrics.figures()
     if isnan(figures["contour_rms"]):
         return RunResult(cell, failure="the axes left the machine's reach, or its assembly mode")
@@ -263,12 +292,15 @@ def _reduce_run(
         reference=planned.q,
         feedback=read[: len(metrics.t)],
     )
-    return RunResult(cell, {name: value for name, value in figures.items() if not isnan(value)}, series=series)
+    return RunResult(
+        cell, {name: value for name, value in figures.items() if not isnan(value)}, series=series
+    )
 
 
 MIN_CLUSTER_BATCHES = 8
-"""Fewer are done by processes of our own, of which there are none where there is little to do, before a cluster of this
-computer has started."""
+"""Fewer are done by processes of our own, of which there are none where there is little to do,
+before a cluster of this computer has started.
+"""
 MAX_LANES = 64
 """Runs simulated at once: more gain little, and hold their whole course in memory."""
 
@@ -296,7 +328,8 @@ def sweep(
     folder
         That keeps the runs.
     address
-        Of a Dask scheduler whose workers have this package. None: this computer's cores, through Dask where it is
+        Of a Dask scheduler whose workers have this package. None: this computer's cores, through
+        Dask where it is
         installed and there is much to do, else through processes of our own.
     progress
         Called with how many runs are done, and of how many.
@@ -311,7 +344,8 @@ def sweep(
     Raises
     ------
     MotionError
-        The rig does not have a task, nothing answers at the address, or, after all others are kept, no worker survived
+        The rig does not have a task, nothing answers at the address, or, after all others are kept,
+        no worker survived
         some runs.
     """
     rig, folder = load_rig(rig), Path(folder)
@@ -336,7 +370,9 @@ def sweep(
 
     lost = _run(batches, rig, address, keep, tell)
     if lost:
-        raise MotionError(f"sweep: {len(lost)} of {len(batches)} batches were lost, all others are kept: {lost[0]}")
+        raise MotionError(
+            f"sweep: {len(lost)} of {len(batches)} batches were lost, all others are kept: {lost[0]}"
+        )
     made_with = {"python": python_version(), **digests.libraries}
     record = {"rig": rig.name, "sha256": digests.as_record(), **facts, "versions": made_with}
     store.record(record, keys)
@@ -350,7 +386,10 @@ def _run(
     keep: Callable[[object, list[RunResult]], None],
     tell: Callable[[str], None],
 ) -> list[LostTask]:
-    """Run the batches here, in processes or on a cluster, and save the results. Return the batches a cluster lost."""
+    """Run the batches here, in processes or on a cluster, and save the results.
+
+    Return the batches a cluster lost.
+    """
     lost: list[LostTask] = []
     if not batches:
         return lost
@@ -362,7 +401,9 @@ def _run(
     few = len(batches) < MIN_CLUSTER_BATCHES
     if address is None and (bound or few or not is_installed()):
         if len(batches) > 1 and not bound and not is_installed():
-            tell('Dask is not installed (extra "cluster"): the runs are spread over processes of this computer')
+            tell(
+                'Dask is not installed (extra "cluster"): the runs are spread over processes of this computer'
+            )
         spread(partial(score, rig=rig), batches, keep)
         return lost
     for n, results in run_on_cluster(score, batches, rig, address, packages=PACKAGES):
@@ -386,7 +427,9 @@ def _batches(cells: Sequence[Cell]) -> Iterator[tuple[Cell, ...]]:
     """Runs of the same law, gains and task kinds, that are simulated at once."""
     groups: dict[Any, list[Cell]] = {}
     for cell in cells:
-        groups.setdefault((cell.setting.law, tuple(name for name, _ in cell.setting.gains), cell.task), []).append(cell)
+        groups.setdefault(
+            (cell.setting.law, tuple(name for name, _ in cell.setting.gains), cell.task), []
+        ).append(cell)
     for group in groups.values():
         for first in range(0, len(group), MAX_LANES):
             yield tuple(group[first : first + MAX_LANES])
@@ -432,7 +475,9 @@ def reads_encoder(drive: Servo | Stepper) -> bool:
 
 
 def resolution(machine: Machine, unit: str) -> float:
-    """The smallest pulse as a distance in m or rad; that of a turning axis in space on the machine's own length."""
+    """The smallest pulse as a distance in m or rad; that of a turning axis in space on the
+    machine's own length.
+    """
     length = machine.characteristic_length
     return min(axis.pulse * (1.0 if axis.unit == unit else length) for axis in machine.axes)
 

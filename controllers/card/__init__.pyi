@@ -17,7 +17,12 @@ from .record import (
     wires as wires,
 )
 from .scurve import SAMove as SAMove, SRMove as SRMove, SVMove as SVMove
-from .start_and_stop import DStop as DStop, DwellMove as DwellMove, EStop as EStop, Together as Together
+from .start_and_stop import (
+    DStop as DStop,
+    DwellMove as DwellMove,
+    EStop as EStop,
+    Together as Together,
+)
 from .state import (
     CardState as CardState,
     at_rest as at_rest,

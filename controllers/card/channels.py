@@ -1,4 +1,6 @@
-"""The channels as a command finds them, and how its values go into the card's registers or are refused."""
+"""The channels as a command finds them, and how its values go into the card's registers or are
+refused.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,12 @@ class Channels:
     running: MoveProfile
 
     def magnitude(self, what: str, speed: Array) -> Array:
-        """Speeds (…) as the speed register holds them, direction left out: one step of it at least."""
-        return np.broadcast_to(self.card.round_speed(self._check_speed(what, speed)), self.due.shape)
+        """Speeds (…) as the speed register holds them, direction left out: one step of it at
+        least.
+        """
+        return np.broadcast_to(
+            self.card.round_speed(self._check_speed(what, speed)), self.due.shape
+        )
 
     def register_speed(self, what: str, speed: Array) -> Array:
         """Speeds (…) as the speed register and the direction bit hold them; zero is none."""
@@ -49,13 +55,17 @@ class Channels:
         return position
 
     def add_distance(self, distance: Array) -> Array:
-        """Whole positions (…) that many whole pulses on from the counters, which may wrap round where the card says."""
+        """Whole positions (…) that many whole pulses on from the counters, which may wrap round
+        where the card says.
+        """
         goal = np.rint(self.position) + np.rint(distance)
         if self.card.beyond_counter == "refuse":
             return self.target(goal)
         low, high = COUNTER
         fine = (distance >= low) & (distance <= high)
-        self.refuse("distance", distance, fine, f"{low} … {high} pulses", "28-bit position register")
+        self.refuse(
+            "distance", distance, fine, f"{low} … {high} pulses", "28-bit position register"
+        )
         return goal
 
     def ramp(self, what: str, seconds: float) -> float:
@@ -65,7 +75,9 @@ class Channels:
         return 0.0 if seconds * self.card.clock_hz < 1 else seconds
 
     def goes_on(self, way: Array) -> np.ndarray:
-        """(…) whether a move of that sign begins at the speed of the instant, on a card that is set so."""
+        """(…) whether a move of that sign begins at the speed of the instant, on a card that is set
+        so.
+        """
         return np.asarray((self.card.start_from == "current") & (self.speed * way > 0))
 
     def refuse(self, what: str, values: Array, fine: np.ndarray, limit: str, owner: str) -> None:
@@ -97,22 +109,28 @@ class Channels:
 
 
 class Command(ABC):
-    """A command of the card, addressed to all channels at once, one value per lane, where it does not name channels.
+    """A command of the card, addressed to all channels at once, one value per lane, where it does
+    not name channels.
 
-    The host writes the channels one after another and starts them together. Positions are pulses of the step output,
-    positive where the axis' own coordinate grows. All commands take effect at the instant they are sent (assumed).
+    The host writes the channels one after another and starts them together. Positions are pulses of
+    the step output, positive where the axis' own coordinate grows. All commands take effect at the
+    instant they are sent (assumed).
     """
 
     __slots__ = ()
 
     @property
     def waits(self) -> bool:
-        """Whether a card that queues puts it behind the move under way; the others act at once on any card."""
+        """Whether a card that queues puts it behind the move under way; the others act at once on
+        any card.
+        """
         return True
 
     @property
     def joint(self) -> bool:
-        """Whether its channels run as one: none starts, or is stopped by a limit, without the others."""
+        """Whether its channels run as one: none starts, or is stopped by a limit, without the
+        others.
+        """
         return False
 
     @property
@@ -121,7 +139,9 @@ class Command(ABC):
         return True
 
     def select_lanes(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
-        """The lanes that it is for, bool, of the shape `lanes` or one that numpy stretches to it."""
+        """The lanes that it is for, bool, of the shape `lanes` or one that numpy stretches to
+        it.
+        """
         return np.ones(lanes, bool)
 
     @abstractmethod

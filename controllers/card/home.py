@@ -1,4 +1,6 @@
-"""Home return: the counter's zero is brought to a switch or the index behind it; numbered modes of the PCI-8164."""
+"""Home return: the counter's zero is brought to a switch or the index behind it; numbered modes of
+the PCI-8164.
+"""
 
 from __future__ import annotations
 
@@ -19,22 +21,25 @@ from kinematics.foundation.arrays import Array
 class HomeReturn(Command):
     """Home return, one value per lane: approach, stop, back off, latch zero.
 
-    1. approach  in `direction`, from `start_speed` up to `speed` within `tacc`, until the switch closes;
+    1. approach  in `direction`, from `start_speed` up to `speed` within `tacc`, until the switch
+                 closes;
     2. stop      down to the start speed at the same rate, at once then, beyond the switch;
-    3. back off  at `creep` until the switch opens, and on to the first index pulse from there (where it opens, if there
-                 is one);
+    3. back off  at `creep` until the switch opens, and on to the first index pulse from there
+                 (where it opens, if there is one);
     4. zero      there it stops dead, and the counter is set to 0.
 
-    The cards' documents name the switch, the index and thirteen modes, not their steps: this is one of our own, for any
-    card; `HomeMode` has the numbered ones as they are remembered. Assumed: a switch that stays closed beyond its edge,
-    and no delay between the steps. A channel that begins on the switch skips 1 and 2. Takes no change on the fly; soft
-    limits do not hold.
+    The cards' documents name the switch, the index and thirteen modes, not their steps: this is one
+    of our own, for any card; `HomeMode` has the numbered ones as they are remembered. Assumed: a
+    switch that stays closed beyond its edge, and no delay between the steps. A channel that begins
+    on the switch skips 1 and 2. Takes no change on the fly; soft limits do not hold.
 
-    switch     (…) whole pulses by the coordinates of power-up (`MoveProfile.zero`), where the switch closes
+    switch     (…) whole pulses by the coordinates of power-up (`MoveProfile.zero`), where the
+               switch closes
     direction  (…) +1 or −1, where it lies
     start_speed, speed, creep  (…) pulses/s
     tacc       s
-    index, index_spacing  whole pulses by the same coordinates, of one index pulse, and between two; None: no index
+    index, index_spacing  whole pulses by the same coordinates, of one index pulse, and between two;
+                          None: no index
     """
 
     switch: Array
@@ -75,7 +80,9 @@ class HomeReturn(Command):
 def _read_search(
     command: HomeReturn | HomeMode, now: Channels
 ) -> tuple[Array, tuple[Array, Array, Array], float, Array]:
-    """Direction, speeds (start, search, creep), time of the ramp, and where the zero lies now, of a home return."""
+    """Direction, speeds (start, search, creep), time of the ramp, and where the zero lies now, of a
+    home return.
+    """
     sign = np.broadcast_to(command.direction, now.due.shape)
     now.forbid(np.abs(sign) != 1, "home return: direction must be +1 or −1")
     v0, v1, creep = (
@@ -91,9 +98,18 @@ def _read_search(
 
 
 def approach(
-    now: Channels, distance: Array, sign: Array, v0: Array, v1: Array, tacc: float, *, dead: bool = False
+    now: Channels,
+    distance: Array,
+    sign: Array,
+    v0: Array,
+    v1: Array,
+    tacc: float,
+    *,
+    dead: bool = False,
 ) -> MoveProfile:
-    """Up to a switch, and beyond it down to the start speed, or `dead` on it; nothing in lanes that are on it."""
+    """Up to a switch, and beyond it down to the start speed, or `dead` on it; nothing in lanes that
+    are on it.
+    """
     open_ = distance > 0
     way = np.where(open_, distance, 0.0)
     rate = (v1 - v0) / (tacc or 1.0)
@@ -103,7 +119,10 @@ def approach(
     held = np.where(short, 0.0, (way - (v0 + v1) / 2 * tacc) / v1)
     down = np.where(open_ & (not dead), up, 0.0)
     lengths = np.stack((np.where(open_, up, 0.0), np.where(open_, held, 0.0), down))
-    speeds, rates = np.stack((v0, top, top)) * sign, np.stack((rate, np.zeros_like(rate), -rate)) * sign
+    speeds, rates = (
+        np.stack((v0, top, top)) * sign,
+        np.stack((rate, np.zeros_like(rate), -rate)) * sign,
+    )
     target = now.position + sign * (way + np.where(open_, (v0 + top) / 2 * down, 0.0))
     return MoveProfile(now.begin, now.position, target, lengths, speeds, rates)
 
@@ -116,12 +135,14 @@ FollowUp = Literal["stop", "edge", "creep on", "run on", "creep back", "run back
 class Mode:
     """What a numbered mode does when its first sensor closes.
 
-    sensor   the origin switch, or the end limit, at which the channel stops dead and which it leaves again
-    then     "stop": ramps down. "edge": ramps down, creeps back until the switch opens, and on to where it closes.
-             "creep on": ramps down to the start speed and goes on to the index, "run on" goes on at speed; "creep back"
-             and "run back" ramp down first and come to the index, or from a limit to its edge, on the way back. What
-             creeps stops dead, what runs ramps down beyond the place of zero. Where "creep on" meets the index before
-             it has ramped down, it stops dead at the speed that it has there
+    sensor   the origin switch, or the end limit, at which the channel stops dead and which it
+             leaves again
+    then     "stop": ramps down. "edge": ramps down, creeps back until the switch opens, and on to
+             where it closes. "creep on": ramps down to the start speed and goes on to the index,
+             "run on" goes on at speed; "creep back" and "run back" ramp down first and come to the
+             index, or from a limit to its edge, on the way back. What creeps stops dead, what runs
+             ramps down beyond the place of zero. Where "creep on" meets the index before it has
+             ramped down, it stops dead at the speed that it has there
     index    whether zero is an index pulse
     returns  whether the channel runs back at last to the zero that it has passed
     """
@@ -147,29 +168,36 @@ MODES: Mapping[int, Mode] = {
     11: Mode("origin", "run back", returns=True),
     12: Mode("limit", "run back", returns=True),
 }
-"""ASSUMPTION: the source says no more than that there are thirteen, with a home switch, an index signal and end limits
-[Sahbaz 2007, Appendix A]. Their numbers and steps are those of the card's manual as it is remembered; it is not here to
-be compared. Check a mode against the manual of the card before it moves a machine."""
+"""ASSUMPTION: the source says no more than that there are thirteen, with a home switch, an index
+signal and end limits [Sahbaz 2007, Appendix A]. Their numbers and steps are those of the card's
+manual as it is remembered; it is not here to be compared. Check a mode against the manual of the
+card before it moves a machine.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class HomeMode(Command):
-    """Home return by a numbered mode, one value per lane: see `MODES` for what each does; the 8164 has thirteen.
+    """Home return by a numbered mode, one value per lane: see `MODES` for what each does; the 8164
+    has thirteen.
 
-    The counter is zero where the mode says: where the origin switch closes, where the limit opens, or at the index
-    pulse that is the `index_count`-th from there (from the turn on, where the index is looked for on the way back). A
-    channel that ramps down beyond that place stands at the count of its way from it.
+    The counter is zero where the mode says: where the origin switch closes, where the limit opens,
+    or at the index pulse that is the `index_count`-th from there (from the turn on, where the index
+    is looked for on the way back). A channel that ramps down beyond that place stands at the count
+    of its way from it.
 
-    ASSUMPTIONS: those of `MODES`; switches stay closed beyond their edges, and open one pulse before; the ramp down has
-    the rate of the ramp up; a channel that begins on its switch skips the way to it. Refused where the ramp down
-    would run into the limit that is stated. Takes no change on the fly; soft limits do not hold.
+    ASSUMPTIONS: those of `MODES`; switches stay closed beyond their edges, and open one pulse
+    before; the ramp down has the rate of the ramp up; a channel that begins on its switch skips the
+    way to it. Refused where the ramp down would run into the limit that is stated. Takes no change
+    on the fly; soft limits do not hold.
 
     mode       0 … 12
     direction  (…) +1 or −1, towards the switch
     start_speed, speed, creep  (…) pulses/s
     tacc       s
-    origin, limit  (…) whole pulses by the coordinates of power-up (`MoveProfile.zero`), where each closes; None: none
-    index, index_spacing  whole pulses by the same coordinates, of one index pulse, and between two; None: no index
+    origin, limit  (…) whole pulses by the coordinates of power-up (`MoveProfile.zero`), where each
+                   closes; None: none
+    index, index_spacing  whole pulses by the same coordinates, of one index pulse, and between two;
+                          None: no index
     index_count    how many index pulses are counted
     """
 
@@ -200,13 +228,18 @@ class HomeMode(Command):
         edge = now.target(np.rint(_place_or_zero(switch)) - zero)
         if mode.sensor == "limit":
             first = approach(now, (edge - now.position) * sign, sign, v0, v1, tacc, dead=True)
-            moves, place = _back_off(now, self, mode, [first], edge - sign, zero, sign, (v0, v1, creep), tacc)
+            moves, place = _back_off(
+                now, self, mode, [first], edge - sign, zero, sign, (v0, v1, creep), tacc
+            )
         else:
             moves, place = self._from_origin(now, mode, edge, zero, sign, (v0, v1, creep), tacc)
         if self.limit is not None and mode.sensor == "origin":
             end = np.rint(self.limit) - zero
             far = np.max([(move.target - end) * sign for move in moves], axis=0)
-            now.forbid(far >= 0, "home return: the ramp down beyond the origin runs into the limit; search slower")
+            now.forbid(
+                far >= 0,
+                "home return: the ramp down beyond the origin runs into the limit; search slower",
+            )
         if mode.returns:
             last = moves[-1]
             moves.append(trapezoid(last.end, last.target, place, v0, v1, tacc, tacc))
@@ -215,18 +248,25 @@ class HomeMode(Command):
         return (*(replace(lock_move(move), zero=zero) for move in moves), there)
 
     def _mode(self, now: Channels) -> Mode:
-        """The mode. Raises Refused where the card does not have it, or what it needs is not stated."""
+        """The mode.
+
+        Raises Refused where the card does not have it, or what it needs is not stated.
+        """
         if not now.card.home_modes:
             raise Refused(
                 f"{now.card.name}: home return: no numbered modes are known of this card; use Home, or a PCI-8164"
             )
         if self.mode not in MODES:
-            raise Refused(f"{now.card.name}: home return: no mode {self.mode}; modes are 0 … {max(MODES)}")
+            raise Refused(
+                f"{now.card.name}: home return: no mode {self.mode}; modes are 0 … {max(MODES)}"
+            )
         mode = MODES[self.mode]
         needed = (mode.sensor, *(("index", "index_spacing") if mode.index else ()))
         missing = [name for name in needed if getattr(self, name) is None]
         if missing:
-            raise Refused(f"{now.card.name}: home return: mode {self.mode} needs {' and '.join(missing)}; state it")
+            raise Refused(
+                f"{now.card.name}: home return: mode {self.mode} needs {' and '.join(missing)}; state it"
+            )
         if mode.index and not (self.index_count >= 1 and (self.index_spacing or 0) >= 1):
             raise Refused(
                 f"{now.card.name}: home return: index count {self.index_count} and spacing {self.index_spacing} must "
@@ -255,7 +295,11 @@ class HomeMode(Command):
             return [first], edge
         if mode.then == "edge":
             back = trapezoid(first.end, first.target, edge - sign, creep, creep, 0.0, 0.0)
-            return [first, back, trapezoid(back.end, back.target, edge, creep, creep, 0.0, 0.0)], edge
+            return [
+                first,
+                back,
+                trapezoid(back.end, back.target, edge, creep, creep, 0.0, 0.0),
+            ], edge
         if mode.then == "creep on":
             place = self._index(np.where(way > 0, edge, np.rint(now.position)), zero, sign)
             cut = _cut_at(first, (place - now.position) * sign)
@@ -282,7 +326,9 @@ def _back_off(
     speeds: tuple[Array, Array, Array],
     tacc: float,
 ) -> tuple[list[MoveProfile], Array]:
-    """Behind moves that end beyond a switch: back to its edge, or the index, at the creep speed or at the whole one."""
+    """Behind moves that end beyond a switch: back to its edge, or the index, at the creep speed or
+    at the whole one.
+    """
     v0, v1, creep = speeds
     here = before[-1].target
     place = command._index(np.rint(here), zero, -sign) if mode.index else edge

@@ -20,7 +20,8 @@ from kinematics.foundation.arrays import Array, freeze_array
 
 
 def bend_along_arc(move: MoveProfile, arc: Array, reached: np.ndarray) -> MoveProfile:
-    """A straight move laid along an arc, its pieces parted where an axis turns round, φ + κ s a multiple of π.
+    """A straight move laid along an arc, its pieces parted where an axis turns round, φ + κ s a
+    multiple of π.
 
     arc      (3, …) as in `MoveProfile`; lanes of radius 0 stay as they are
     reached  (…) bool, lanes whose `target` stands; in the others it is where the way ends
@@ -29,13 +30,17 @@ def bend_along_arc(move: MoveProfile, arc: Array, reached: np.ndarray) -> MovePr
     target, tables = np.array(move.target), {}
     for lane in np.ndindex(move.begin.shape):
         at = (slice(None), *lane)
-        rows = zip(*(of[at].tolist() for of in (move.lengths, move.speeds, move.rates, jerks)), strict=True)
+        rows = zip(
+            *(of[at].tolist() for of in (move.lengths, move.speeds, move.rates, jerks)), strict=True
+        )
         radius, phase, turn = arc[at].tolist()
         pieces = [CardPiece(*row) for row in rows]
         if radius > 0:
             way = sum(piece.way(piece.length) for piece in pieces if piece.length < np.inf)
             if not reached[lane]:
-                target[lane] = move.start[lane] + radius * (np.cos(phase + turn * way) - np.cos(phase))
+                target[lane] = move.start[lane] + radius * (
+                    np.cos(phase + turn * way) - np.cos(phase)
+                )
             pieces = _split_pieces(pieces, phase, turn)
         tables[lane] = pieces
     most = max(len(pieces) for pieces in tables.values())
@@ -43,7 +48,9 @@ def bend_along_arc(move: MoveProfile, arc: Array, reached: np.ndarray) -> MovePr
     for lane, pieces in tables.items():
         table[(slice(None), slice(len(pieces)), *lane)] = np.array(pieces).T
     lengths, speeds, rates, bends = table
-    return replace(move, target=target, lengths=lengths, speeds=speeds, rates=rates, jerks=bends, arc=arc)
+    return replace(
+        move, target=target, lengths=lengths, speeds=speeds, rates=rates, jerks=bends, arc=arc
+    )
 
 
 def _split_pieces(pieces: list[CardPiece], phase: float, turn: float) -> list[CardPiece]:
@@ -64,18 +71,21 @@ def _split_pieces(pieces: list[CardPiece], phase: float, turn: float) -> list[Ca
 
 @dataclass(frozen=True, slots=True)
 class LinearMove(Command):
-    """Channels together along a straight line, each at every instant where the line is, to half a pulse.
+    """Channels together along a straight line, each at every instant where the line is, to half a
+    pulse.
 
-    The way along the line is a trapezoid, or an S-curve, of the vector speed √(Σ speeds²). Assumed: speeds are vector
-    speeds; the line runs from the command positions of the instant, with their shares of a pulse; a channel of the line
-    that is stopped or replaced alone leaves the others to theirs.
+    The way along the line is a trapezoid, or an S-curve, of the vector speed √(Σ speeds²). Assumed:
+    speeds are vector speeds; the line runs from the command positions of the instant, with their
+    shares of a pulse; a channel of the line that is stopped or replaced alone leaves the others to
+    theirs.
 
     axes        channels, counted from 0, two to four of one card
     position    (…, axes) pulses; rounded to whole ones
     start_speed, max_speed  (…) pulses/s along the line, one for each run of a batch
     tacc, tdec  s
     relative    whether `position` counts from the counters of the instant
-    curve       (acc, dec) velocity intervals of the S, pulses/s, as in `SAMove`; None: straight ramps
+    curve       (acc, dec) velocity intervals of the S, pulses/s, as in `SAMove`; None: straight
+                ramps
     """
 
     axes: tuple[int, ...]
@@ -107,7 +117,9 @@ class LinearMove(Command):
         u = gap / np.where(distance > 0, distance, 1.0)
         spread = np.broadcast_to(path.lengths, (len(path.lengths), *now.due.shape))
         jerks = None if path.jerks is None else path.jerks * u
-        move = MoveProfile(path.begin + 0 * u, now.position, goal, spread, path.speeds * u, path.rates * u, jerks)
+        move = MoveProfile(
+            path.begin + 0 * u, now.position, goal, spread, path.speeds * u, path.rates * u, jerks
+        )
         return (lock_move(move),)
 
 
@@ -115,10 +127,10 @@ class LinearMove(Command):
 class ArcMove(Command):
     """Two channels together along an arc, each at every instant where the arc is, to half a pulse.
 
-    The arc runs from the command positions of the instant about `centre`, to the direction in which `end` lies; an end
-    that is the start makes a whole turn. The way along it is a trapezoid, or an S-curve, of the speed along the arc.
-    Assumed: an end more than one pulse off the circle is refused; the channels come to rest where the circle is, at the
-    whole counts nearest to it.
+    The arc runs from the command positions of the instant about `centre`, to the direction in which
+    `end` lies; an end that is the start makes a whole turn. The way along it is a trapezoid, or an
+    S-curve, of the speed along the arc. Assumed: an end more than one pulse off the circle is
+    refused; the channels come to rest where the circle is, at the whole counts nearest to it.
 
     axes         two channels of one card
     centre, end  (…, 2) pulses; the end rounded to whole ones
@@ -173,19 +185,33 @@ class ArcMove(Command):
         path = _path_profile(now, self, (radius * angle)[..., None])
         arc = np.zeros((3, *now.due.shape))
         for axis, ahead in zip(axes, (0.0, pi / 2), strict=True):
-            arc[0, ..., axis], arc[1, ..., axis], arc[2, ..., axis] = radius, first - ahead, self.turn / radius
+            arc[0, ..., axis], arc[1, ..., axis], arc[2, ..., axis] = (
+                radius,
+                first - ahead,
+                self.turn / radius,
+            )
         lengths, speeds, rates = (
-            np.array(np.broadcast_to(of, (len(of), *now.due.shape))) for of in (path.lengths, path.speeds, path.rates)
+            np.array(np.broadcast_to(of, (len(of), *now.due.shape)))
+            for of in (path.lengths, path.speeds, path.rates)
         )
         jerks = None if path.jerks is None else np.broadcast_to(path.jerks, lengths.shape)
         straight = MoveProfile(
-            path.begin + np.zeros(now.due.shape), now.position, now.position, lengths, speeds, rates, jerks
+            path.begin + np.zeros(now.due.shape),
+            now.position,
+            now.position,
+            lengths,
+            speeds,
+            rates,
+            jerks,
         )
         return (lock_move(bend_along_arc(straight, arc, np.zeros(now.due.shape, bool))),)
 
 
 def select_channels(card: Card, axes: tuple[int, ...], n: int, least: int, most: int) -> np.ndarray:
-    """(n,) bool, the channels of an interpolation. Raises Refused where the card cannot join them."""
+    """(n,) bool, the channels of an interpolation.
+
+    Raises Refused where the card cannot join them.
+    """
     most, different = min(most, card.channels), set(axes)
     cards = {axis // card.channels for axis in axes}
     fits = least <= len(axes) <= most and len(different) == len(axes) and len(cards) == 1
@@ -199,13 +225,23 @@ def select_channels(card: Card, axes: tuple[int, ...], n: int, least: int, most:
 
 
 def _path_profile(now: Channels, command: LinearMove | ArcMove, distance: Array) -> MoveProfile:
-    """The way along the path, one lane (…, 1) for all its channels; it begins when all of them are ready."""
+    """The way along the path, one lane (…, 1) for all its channels; it begins when all of them are
+    ready.
+    """
     v0, v1 = (
-        now.magnitude(what, np.broadcast_to(np.asarray(speed, float)[..., None], now.due.shape))[..., :1]
+        now.magnitude(what, np.broadcast_to(np.asarray(speed, float)[..., None], now.due.shape))[
+            ..., :1
+        ]
         for what, speed in (("start speed", command.start_speed), ("max speed", command.max_speed))
     )
     tacc, tdec = now.ramp("acceleration", command.tacc), now.ramp("deceleration", command.tdec)
     begin = np.where(now.due, now.begin, -np.inf).max(-1, keepdims=True)
     begin = np.where(np.isfinite(begin), begin, now.begin[..., :1])
-    path = trapezoid(begin, np.zeros_like(distance), distance, v0, v1, tacc, tdec, now.card.short_moves)
-    return path if command.curve is None else replace(curve_ramps(now, path, *command.curve), registers=None)
+    path = trapezoid(
+        begin, np.zeros_like(distance), distance, v0, v1, tacc, tdec, now.card.short_moves
+    )
+    return (
+        path
+        if command.curve is None
+        else replace(curve_ramps(now, path, *command.curve), registers=None)
+    )

@@ -23,9 +23,12 @@ OutputMode = Literal[
     "CW_CCW_FALLING",
     "CW_CCW_RISING",
 ]
-"""Modes of a channel's two output lines. HIGH and LOW are the level of DIR towards greater counts, RISING and FALLING
-the edge with which a pulse begins. The source uses OUT_RISING_DIR_LOW and OUT_RISING_DIR_HIGH by name [Sahbaz 2007,
-Appendix E]. ASSUMPTION: the other names, as the manual of the card is remembered."""
+"""Modes of a channel's two output lines.
+
+HIGH and LOW are the level of DIR towards greater counts, RISING and FALLING the edge with which a
+pulse begins. The source uses OUT_RISING_DIR_LOW and OUT_RISING_DIR_HIGH by name [Sahbaz 2007,
+Appendix E]. ASSUMPTION: the other names, as the manual of the card is remembered.
+"""
 MODES = get_args(OutputMode)
 
 
@@ -35,27 +38,35 @@ class Refused(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """A model of motion card and the options it is set to; the models' figures are those of [Sahbaz 2007, Appendix A].
+    """A model of motion card and the options it is set to; the models' figures are those of [Sahbaz
+    2007, Appendix A].
 
     max_speed         pulses/s that a channel can emit at most
     clock_hz          reference clock: a pulse falls on one of its ticks
-    while_moving      effect of a command during a move: "replace" the move from its present command position, or
-                      "queue" after it (each channel begins when its move ends; assumed: a queue of any length)
-    start_from        start speed of a trapezoidal or velocity move that replaces another one: the "commanded" start
-                      speed, or the "current" speed if it has the same direction
-    short_moves       what a move that is too short for its ramps retains as its top speed is lowered: "keep rate" of
-                      acceleration and shorten the ramps, or "keep time" of the ramps and lower the acceleration
-    current_speed     output rate of a channel as the host reads it: "signed" by its direction, or only its "magnitude"
-    speed_range       pulses/s: full scale of the speed registers, as the host sets their multiplier. Commanded speeds
-                      are rounded to steps of speed_range/65535, from one step up to speed_range. None: the lowest speed
-                      is a step of the card's whole range, and speeds are not rounded
+    while_moving      effect of a command during a move: "replace" the move from its present command
+                      position, or "queue" after it (each channel begins when its move ends;
+                      assumed: a queue of any length)
+    start_from        start speed of a trapezoidal or velocity move that replaces another one: the
+                      "commanded" start speed, or the "current" speed if it has the same direction
+    short_moves       what a move that is too short for its ramps retains as its top speed is
+                      lowered: "keep rate" of acceleration and shorten the ramps, or "keep time" of
+                      the ramps and lower the acceleration
+    current_speed     output rate of a channel as the host reads it: "signed" by its direction, or
+                      only its "magnitude"
+    speed_range       pulses/s: full scale of the speed registers, as the host sets their
+                      multiplier. Commanded speeds are rounded to steps of speed_range/65535, from
+                      one step up to speed_range. None: the lowest speed is a step of the card's
+                      whole range, and speeds are not rounded
     channels          of one card; interpolation joins channels of one card alone
     moves_target      whether a move's target can be changed on the fly
-    beyond_counter    what a position beyond the counter's range does: "refuse", or "wrap" round (relative and velocity
-                      moves; the target of an absolute move is a number of 28 bits in any case)
+    beyond_counter    what a position beyond the counter's range does: "refuse", or "wrap" round
+                      (relative and velocity moves; the target of an absolute move is a number of 28
+                      bits in any case)
     soft_limits       (lowest, highest) position of each channel, pulses; None: no limits
-    at_soft_limit     "refuse" a command that would pass one, or "stop" dead there; a velocity move is stopped anyway
-    output_mode       what the two lines of a channel carry: pulse and direction, or a line for each direction
+    at_soft_limit     "refuse" a command that would pass one, or "stop" dead there; a velocity move
+                      is stopped anyway
+    output_mode       what the two lines of a channel carry: pulse and direction, or a line for each
+                      direction
     home_modes        whether the card has numbered modes of home return (`HomeMode`)
     backlash          pulses that each channel fires beforehand when it turns round; None: none
     backlash_speed    pulses/s of these
@@ -82,7 +93,10 @@ class Card:
     backlash_speed: float = 1000.0
 
     def __post_init__(self) -> None:
-        for what, speed in (("speed range", self.speed_range), ("backlash speed", self.backlash_speed)):
+        for what, speed in (
+            ("speed range", self.speed_range),
+            ("backlash speed", self.backlash_speed),
+        ):
             if speed is not None and not 0 < speed <= self.max_speed:
                 raise MotionError(
                     f"{self.name}: {what} {speed} pulses/s must be above zero and at most {self.max_speed:.10g}"

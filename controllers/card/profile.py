@@ -1,10 +1,12 @@
-"""A move of the card as a value: its position as piecewise polynomials of time, and the pulses that it fires.
+"""A move of the card as a value: its position as piecewise polynomials of time, and the pulses that
+it fires.
 
-Moves of some lanes and moves of others are put together into one. Pulses fire at the instants at which a channel's
-command position passes half counts, in closed form piece by piece. A card adds integers to one another at every tick of
-its clock, and fires when the sum passes the next half count. These closed forms, rounded to ticks, are the same pulses
-within one tick: the tests hold every pulse of every kind of piece against such a generator in whole numbers, which
-knows of no closed form. Counts and ticks are int64 throughout.
+Moves of some lanes and moves of others are put together into one. Pulses fire at the instants at
+which a channel's command position passes half counts, in closed form piece by piece. A card adds
+integers to one another at every tick of its clock, and fires when the sum passes the next half
+count. These closed forms, rounded to ticks, are the same pulses within one tick: the tests hold
+every pulse of every kind of piece against such a generator in whole numbers, which knows of no
+closed form. Counts and ticks are int64 throughout.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ class Edges(NamedTuple):
 
     t          (pulses,) s
     direction  (pulses,) int8, ±1
-    counted    (pulses,) bool: whether the position counter counts it (compensation of play is not counted)
+    counted    (pulses,) bool: whether the position counter counts it (compensation of play is not
+               counted)
     """
 
     t: Array
@@ -55,9 +58,11 @@ class CardPiece(NamedTuple):
         return tau * (self.v + tau * (self.a / 2 + tau * (self.j / 6)))
 
     def time(self, way: Array, tau: float) -> Array:
-        """When ways are made that lie between 0 and way(tau), where the piece runs one way: the root in [0, tau].
+        """When ways are made that lie between 0 and way(tau), where the piece runs one way: the
+        root in [0, tau].
 
-        Of a straight speed it is 2δ / (v ± √(v² + 2aδ)), which stays exact as a → 0; of a bent one a root of its cubic.
+        Of a straight speed it is 2δ / (v ± √(v² + 2aδ)), which stays exact as a → 0; of a bent one
+        a root of its cubic.
         """
         sign = 1.0 if self.way(tau) >= 0 else -1.0
         v, a, j, delta = sign * self.v, sign * self.a, sign * self.j, sign * way
@@ -78,7 +83,9 @@ def find_crossings(
     since: float,
     until: float,
 ) -> Edges:
-    """The half counts that a channel passes from `since` to `until`; arguments as in `Profile`, of one lane."""
+    """The half counts that a channel passes from `since` to `until`; arguments as in `Profile`, of
+    one lane.
+    """
     if begin == inf:
         return NO_EDGES
     last = 0.0
@@ -96,11 +103,20 @@ def find_crossings(
                 p, q = (target if t >= last else x for t, x in ((since, p), (until, q)))
             levels = _halves(p, q)
             if len(levels):
-                s = levels - start if arc is None else _arc_ways(levels, start, arc, (near + far) / 2)
+                s = (
+                    levels - start
+                    if arc is None
+                    else _arc_ways(levels, start, arc, (near + far) / 2)
+                )
                 tau = piece.time(s - way, t1) if t1 > 0 else np.zeros(len(s))
                 sign = np.full(len(s), 1 if q > p else -1, np.int8)
-                found = found.then(Edges(elapsed + np.maximum(tau, t0), sign, np.ones(len(s), bool)))
-        way, elapsed = way + piece.way(piece.length) if piece.length < inf else way, elapsed + piece.length
+                found = found.then(
+                    Edges(elapsed + np.maximum(tau, t0), sign, np.ones(len(s), bool))
+                )
+        way, elapsed = (
+            way + piece.way(piece.length) if piece.length < inf else way,
+            elapsed + piece.length,
+        )
         from_, to = from_ - piece.length, to - piece.length
     return found
 
@@ -121,7 +137,9 @@ def _arc_ways(levels: Array, start: float, arc: tuple[float, ...], middle: float
 
 
 def _halves(p: float, q: float) -> Array:
-    """The half counts that are passed on the way from p to q, in order: as many as the nearest whole numbers change."""
+    """The half counts that are passed on the way from p to q, in order: as many as the nearest
+    whole numbers change.
+    """
     low, high = np.rint(p), np.rint(q)
     step = 1.0 if high >= low else -1.0
     return np.asarray(low + step * (np.arange(abs(int(high - low))) + 0.5))
@@ -133,13 +151,14 @@ MAX_DURATION = 1e15
 
 @dataclass(frozen=True, slots=True)
 class MoveProfile:
-    """One move of channels in lanes: s(t) = Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2 + jᵢ τᵢ³/6), τᵢ = clip(t − begin − Tᵢ, 0, lengthᵢ).
+    """One move of channels in lanes: s(t) = Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2 + jᵢ τᵢ³/6), τᵢ = clip(t − begin −
+    Tᵢ, 0, lengthᵢ).
 
-    Tᵢ is the sum of the lengths before piece i. The command position is p = start + s, or on an arc of radius R
-    p = start + R (cos(φ + κ s) − cos φ), s being the way along it. p is held before the first piece, and after the
-    last, where it is `target` exactly. Within a piece p runs one way. The position counter is the whole number nearest
-    to p: so a pulse fires where p passes half way between two counts, and a share of a pulse (the generator's phase) is
-    never lost.
+    Tᵢ is the sum of the lengths before piece i. The command position is p = start + s, or on an arc
+    of radius R p = start + R (cos(φ + κ s) − cos φ), s being the way along it. p is held before the
+    first piece, and after the last, where it is `target` exactly. Within a piece p runs one way.
+    The position counter is the whole number nearest to p: so a pulse fires where p passes half way
+    between two counts, and a share of a pulse (the generator's phase) is never lost.
 
     Lanes (…) are channels (n,), or runs by channels (B, n): all arithmetic is lane by lane.
 
@@ -150,11 +169,14 @@ class MoveProfile:
     speeds     (pieces, …) pulses/s, signed, at the start of each piece
     rates      (pieces, …) pulses/s², at the start of each piece
     jerks      (pieces, …) pulses/s³, constant in each piece; None: zero
-    arc        (3, …) R in pulses, φ in rad, κ = ±1/R in rad per pulse; R = 0 in lanes that run straight; None: all do
-    registers  (4, …) of moves that can be changed on the fly: start and top speed, pulses/s, and the rates of the ramps
-               up and down, pulses/s²; NaN in other lanes; None: no lane can
-    slack      (2, …) compensation of play, fired before `begin` and not counted: pulses, signed, and pulses/s
-    zero       (…) pulses, where the counter's zero lies by the coordinates of power-up; None: at theirs
+    arc        (3, …) R in pulses, φ in rad, κ = ±1/R in rad per pulse; R = 0 in lanes that run
+               straight; None: all do
+    registers  (4, …) of moves that can be changed on the fly: start and top speed, pulses/s, and
+               the rates of the ramps up and down, pulses/s²; NaN in other lanes; None: no lane can
+    slack      (2, …) compensation of play, fired before `begin` and not counted: pulses, signed,
+               and pulses/s
+    zero       (…) pulses, where the counter's zero lies by the coordinates of power-up; None: at
+               theirs
     """
 
     begin: Array
@@ -184,7 +206,8 @@ class MoveProfile:
         first, last, since = t.min(), t.max(), self.begin
         t = t.reshape(t.shape + (1,) * self.begin.ndim)
         rest, way = t - self.begin, None
-        # what no lane comes to is left out: a pass over all instants takes longer than all else here
+        # what no lane comes to is left out: a pass over all instants takes longer than all else
+        # here
         for i, length in enumerate(self.lengths):
             until = since + length
             if length.any() and (since < last).any():
@@ -195,7 +218,9 @@ class MoveProfile:
                 rest = rest - length if (until < last).any() else rest
             since = until
         position = self.position_after(np.zeros(rest.shape) if way is None else way)
-        return position if (self.end > last).all() else np.where(t >= self.end, self.target, position)
+        return (
+            position if (self.end > last).all() else np.where(t >= self.end, self.target, position)
+        )
 
     def way_and_speed(self, t: float) -> tuple[Array, Array]:
         """The way s (…), pulses, and its speed (…), pulses/s, just after t."""
@@ -227,10 +252,14 @@ class MoveProfile:
             fired = fired + np.abs(after - before)
             rest, before = rest - length, after
         # the last position is the target, that of the sum but for rounding
-        return np.asarray(fired + np.where(t >= self.end, np.abs(np.rint(self.target) - before), 0.0), np.int64)
+        return np.asarray(
+            fired + np.where(t >= self.end, np.abs(np.rint(self.target) - before), 0.0), np.int64
+        )
 
     def compensation_fired(self, t: float) -> Array:
-        """Pulses (…) of compensation fired until t, signed: the k-th of N is due (N − k + ½)/speed before `begin`."""
+        """Pulses (…) of compensation fired until t, signed: the k-th of N is due (N − k + ½)/speed
+        before `begin`.
+        """
         if self.slack is None:
             return np.zeros(self.begin.shape)
         pulses, speed = self.slack
@@ -240,13 +269,24 @@ class MoveProfile:
         due = np.where(begins, np.floor(rest * speed + size + 0.5), 0.0)
         return np.asarray(np.sign(pulses) * np.clip(due, 0.0, size))
 
-    def edges(self, lane: int | tuple[int, ...], since: float = -np.inf, until: float = np.inf) -> Edges:
-        """The pulses of a lane from `since` to before `until`, in closed form; as many as its counter changes by."""
+    def edges(
+        self, lane: int | tuple[int, ...], since: float = -np.inf, until: float = np.inf
+    ) -> Edges:
+        """The pulses of a lane from `since` to before `until`, in closed form; as many as its
+        counter changes by.
+        """
         i = lane if isinstance(lane, tuple) else (lane,)
         jerks = np.zeros(self.lengths.shape) if self.jerks is None else self.jerks
-        rows = (np.moveaxis(of, 0, -1)[i].tolist() for of in (self.lengths, self.speeds, self.rates, jerks))
+        rows = (
+            np.moveaxis(of, 0, -1)[i].tolist()
+            for of in (self.lengths, self.speeds, self.rates, jerks)
+        )
         pieces = [CardPiece(*numbers) for numbers in zip(*rows, strict=True)]
-        arc = None if self.arc is None or self.arc[(0, *i)] == 0 else tuple(np.moveaxis(self.arc, 0, -1)[i].tolist())
+        arc = (
+            None
+            if self.arc is None or self.arc[(0, *i)] == 0
+            else tuple(np.moveaxis(self.arc, 0, -1)[i].tolist())
+        )
         begin, start, target = (float(of[i]) for of in (self.begin, self.start, self.target))
         found = find_crossings(begin, start, target, pieces, arc, since, until)
         if self.slack is None or not self.slack[(0, *i)]:
@@ -261,7 +301,9 @@ class MoveProfile:
         """The way, pulses, within piece i at τ s after its start."""
         if self.jerks is None:
             return np.asarray(tau * (self.speeds[i] + tau * (self.rates[i] / 2)))
-        return np.asarray(tau * (self.speeds[i] + tau * (self.rates[i] / 2 + tau * (self.jerks[i] / 6))))
+        return np.asarray(
+            tau * (self.speeds[i] + tau * (self.rates[i] / 2 + tau * (self.jerks[i] / 6)))
+        )
 
     def position_after(self, way: Array) -> Array:
         """The command position, pulses, after a way."""
@@ -298,7 +340,10 @@ def merge_lanes(mine: MoveProfile, theirs: MoveProfile, where: np.ndarray) -> Mo
             for of, move in zip(pair, (mine, theirs), strict=True)
         ]
         if field.name in PIECEWISE:
-            pair = [np.concatenate([rows, np.zeros((pieces - len(rows), *where.shape))]) for rows in pair]
+            pair = [
+                np.concatenate([rows, np.zeros((pieces - len(rows), *where.shape))])
+                for rows in pair
+            ]
         parts[field.name] = np.where(where, *pair)
     return MoveProfile(**parts)
 
@@ -307,7 +352,10 @@ def merge_sequences(
     mine: Sequence[MoveProfile], theirs: Sequence[MoveProfile], where: np.ndarray
 ) -> tuple[MoveProfile, ...]:
     """The same of moves that run one after another."""
-    return tuple(merge_lanes(a or idle_move(b), b or idle_move(a), where) for a, b in zip_longest(mine, theirs))
+    return tuple(
+        merge_lanes(a or idle_move(b), b or idle_move(a), where)
+        for a, b in zip_longest(mine, theirs)
+    )
 
 
 def registers_of(move: MoveProfile) -> Array:
@@ -318,7 +366,9 @@ def registers_of(move: MoveProfile) -> Array:
 def idle_move(move: MoveProfile) -> MoveProfile:
     """A move of the same lanes that does not begin."""
     none = np.zeros((1, *move.begin.shape))
-    return MoveProfile(np.full(move.begin.shape, np.inf), move.target, move.target, none, none, none)
+    return MoveProfile(
+        np.full(move.begin.shape, np.inf), move.target, move.target, none, none, none
+    )
 
 
 def current_move(moves: Sequence[MoveProfile], begun: Sequence[np.ndarray]) -> MoveProfile:
@@ -334,12 +384,20 @@ def cut(move: MoveProfile, at: Array) -> MoveProfile:
     if not (at < move.end).any():
         return move
     ends = at < move.end
-    rest, way, lengths = np.maximum(np.where(ends, at, move.begin) - move.begin, 0.0), np.zeros(at.shape), []
+    rest, way, lengths = (
+        np.maximum(np.where(ends, at, move.begin) - move.begin, 0.0),
+        np.zeros(at.shape),
+        [],
+    )
     for i, length in enumerate(move.lengths):
         part = np.minimum(np.maximum(rest, 0.0), length)
         lengths.append(np.where(ends, part, length))
         way, rest = way + move.way(i, part), rest - length
-    return replace(move, lengths=np.stack(lengths), target=np.where(ends, move.position_after(way), move.target))
+    return replace(
+        move,
+        lengths=np.stack(lengths),
+        target=np.where(ends, move.position_after(way), move.target),
+    )
 
 
 def _default_field(name: str, move: MoveProfile, pieces: int) -> Array:

@@ -1,4 +1,5 @@
-"""What a card did with a list of commands: its counters at any time, and the pulses of every channel as clock ticks.
+"""What a card did with a list of commands: its counters at any time, and the pulses of every
+channel as clock ticks.
 
 The levels of a channel's two lines are as `set_pls_outmode` says.
 """
@@ -38,7 +39,9 @@ class Train:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A card from its first state on: the states that commands put it into, and since when (s); it ends at `until`."""
+    """A card from its first state on: the states that commands put it into, and since when (s); it
+    ends at `until`.
+    """
 
     card: Card
     since: tuple[float, ...]
@@ -58,7 +61,9 @@ class Record:
         """The pulses of a lane until the record's end."""
         i = lane if isinstance(lane, tuple) else (lane,)
         parts, counts = [], []
-        for since, until, state in zip(self.since, (*self.since[1:], self.until), self.states, strict=True):
+        for since, until, state in zip(
+            self.since, (*self.since[1:], self.until), self.states, strict=True
+        ):
             for move in state.moves:
                 edges = move.edges(i, since, until)
                 if len(edges.t):
@@ -68,12 +73,19 @@ class Record:
         empty = Edges(np.empty(0), np.empty(0, np.int8), np.empty(0, bool))
         t, direction, counted = (np.concatenate(of) for of in zip(empty, *parts, strict=True))
         return Train(
-            round_to_ticks(self.card, t), direction, counted, np.concatenate([np.empty(0), *counts]).astype(np.int64)
+            round_to_ticks(self.card, t),
+            direction,
+            counted,
+            np.concatenate([np.empty(0), *counts]).astype(np.int64),
         )
 
 
-def play(card: Card, state: CardState, sent: Iterable[tuple[float, Command]], until: float) -> Record:
-    """The card from `state` on, sent commands at instants (s, from 0 on, in order), until an instant."""
+def play(
+    card: Card, state: CardState, sent: Iterable[tuple[float, Command]], until: float
+) -> Record:
+    """The card from `state` on, sent commands at instants (s, from 0 on, in order), until an
+    instant.
+    """
     since, states = [0.0], [state]
     for t, command in sent:
         states.append(send(card, states[-1], command, t))
@@ -101,8 +113,9 @@ class Wires:
 def wires(card: Card, train: Train, width: int, setup: int | None = None) -> Wires:
     """The lines of a channel of a card that fires a train of pulses, by `Card.output_mode`.
 
-    A pulse begins at its tick and lasts `width` ticks; DIR changes `setup` ticks before the pulse that it is for (None:
-    `width`). ASSUMPTION: no source says how wide the card's pulses are, or when it turns DIR.
+    A pulse begins at its tick and lasts `width` ticks; DIR changes `setup` ticks before the pulse
+    that it is for (None: `width`). ASSUMPTION: no source says how wide the card's pulses are, or
+    when it turns DIR.
 
     Raises Refused where the pulses come too fast for that.
     """
@@ -122,13 +135,19 @@ def wires(card: Card, train: Train, width: int, setup: int | None = None) -> Wir
     if single:
         level = np.where(forward ^ card.output_mode.endswith("LOW"), 1, 0)
         first[1] = level[0] if len(level) else not card.output_mode.endswith("LOW")
-        changes.append(np.stack((train.ticks[turns] - lead, np.ones(len(turns), np.int64), level[turns]), axis=1))
+        changes.append(
+            np.stack(
+                (train.ticks[turns] - lead, np.ones(len(turns), np.int64), level[turns]), axis=1
+            )
+        )
     ticks, levels = _levels(first, np.concatenate(changes).astype(np.int64))
     return Wires(("OUT", "DIR") if single else ("CW", "CCW"), ticks, levels)
 
 
 def _refuse_close(card: Card, train: Train, width: int, lead: int, turns: np.ndarray) -> None:
-    """Raise Refused for the first pulses that leave no time for a pulse and, at a turn, for the set-up of DIR."""
+    """Raise Refused for the first pulses that leave no time for a pulse and, at a turn, for the
+    set-up of DIR.
+    """
     gaps = np.diff(train.ticks)
     needed = np.full(len(gaps), width + 1)
     needed[turns - 1] += lead
@@ -142,7 +161,9 @@ def _refuse_close(card: Card, train: Train, width: int, lead: int, turns: np.nda
 
 
 def _levels(first: np.ndarray, changes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ticks at which any line changes, and the levels before the first and from each on, from single changes."""
+    """Ticks at which any line changes, and the levels before the first and from each on, from
+    single changes.
+    """
     changes = changes[np.argsort(changes[:, 0], kind="stable")]
     ticks, place = np.unique(changes[:, 0], return_inverse=True)
     levels = np.empty((len(ticks) + 1, 2), np.uint8)
@@ -150,5 +171,7 @@ def _levels(first: np.ndarray, changes: np.ndarray) -> tuple[np.ndarray, np.ndar
         own = changes[:, 1] == line
         last = np.zeros(len(ticks) + 1, np.int64)
         last[place[own] + 1] = np.arange(1, own.sum() + 1)
-        levels[:, line] = np.concatenate((first[line : line + 1], changes[own, 2]))[np.maximum.accumulate(last)]
+        levels[:, line] = np.concatenate((first[line : line + 1], changes[own, 2]))[
+            np.maximum.accumulate(last)
+        ]
     return ticks, levels

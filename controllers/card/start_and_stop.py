@@ -17,12 +17,12 @@ from controllers.card.trapezoid import ramp
 class Together(Command):
     """Simultaneous start: each group of channels with its own command, all of them at one instant.
 
-    The host arms the channels one after another, and one signal starts them, which is when this is sent (relative moves
-    count from then); where the card queues, that is when the last of the channels is ready. The simultaneous stop is a
-    `DStop` or `EStop` sent to all of them.
+    The host arms the channels one after another, and one signal starts them, which is when this is
+    sent (relative moves count from then); where the card queues, that is when the last of the
+    channels is ready. The simultaneous stop is a `DStop` or `EStop` sent to all of them.
 
-    members  (channels counted from 0, command) each; no channel twice; a command has values for all channels, of which
-             those of the others are not looked at
+    members  (channels counted from 0, command) each; no channel twice; a command has values for all
+             channels, of which those of the others are not looked at
     """
 
     members: tuple[tuple[tuple[int, ...], Command], ...]
@@ -41,7 +41,11 @@ class Together(Command):
 
     def select_lanes(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
         named = [axis for axes, _ in self.members for axis in axes]
-        if not named or len(set(named)) < len(named) or not 0 <= min(named) <= max(named) < lanes[-1]:
+        if (
+            not named
+            or len(set(named)) < len(named)
+            or not 0 <= min(named) <= max(named) < lanes[-1]
+        ):
             raise Refused(
                 f"{card.name}: channels {', '.join(str(axis + 1) for axis in named)} of {lanes[-1]} cannot be started "
                 "together: name each once"
@@ -53,9 +57,13 @@ class Together(Command):
         begin = np.where(now.due, ready, now.begin)
         found: tuple[MoveProfile, ...] = ()
         for axes, command in self.members:
-            lanes = np.isin(np.arange(now.due.shape[-1]), axes) & command.select_lanes(now.card, now.due.shape)
+            lanes = np.isin(np.arange(now.due.shape[-1]), axes) & command.select_lanes(
+                now.card, now.due.shape
+            )
             own = command.moves(replace(now, begin=begin, due=now.due & lanes))
-            found = merge_sequences(own, found, np.broadcast_to(lanes, now.due.shape)) if found else own
+            found = (
+                merge_sequences(own, found, np.broadcast_to(lanes, now.due.shape)) if found else own
+            )
         return found
 
 
@@ -63,9 +71,9 @@ class Together(Command):
 class DStop(Command):
     """Decelerated stop: the speed falls to zero linearly within `tdec`; what is queued is dropped.
 
-    Sent to all channels it stops them simultaneously, an interpolation on its path: the speeds of all fall in
-    proportion. Assumed: a channel that comes to the target of its move before stands there; otherwise it keeps its
-    share of a pulse.
+    Sent to all channels it stops them simultaneously, an interpolation on its path: the speeds of
+    all fall in proportion. Assumed: a channel that comes to the target of its move before stands
+    there; otherwise it keeps its share of a pulse.
 
     tdec  s
     """
@@ -84,7 +92,10 @@ class DStop(Command):
         # the way that is left to a target: along an arc the sum of its pieces
         left = old.target - now.position
         if old.arc is not None:
-            whole = sum(old.way(i, np.where(np.isinf(length), 0.0, length)) for i, length in enumerate(old.lengths))
+            whole = sum(
+                old.way(i, np.where(np.isinf(length), 0.0, length))
+                for i, length in enumerate(old.lengths)
+            )
             left = np.where(old.arc[0] > 0, whole - way, left)
         bound = np.zeros(left.shape, bool) if old.registers is None else ~np.isnan(old.registers[0])
         early = bound & (left * speed > 0) & (np.abs(speed) * tdec / 2 > np.abs(left))
@@ -102,7 +113,10 @@ class DStop(Command):
 
 @dataclass(frozen=True, slots=True)
 class EStop(Command):
-    """Emergency stop: no further pulse; what is queued is dropped. The share of a pulse is kept (assumed)."""
+    """Emergency stop: no further pulse; what is queued is dropped.
+
+    The share of a pulse is kept (assumed).
+    """
 
     @property
     def waits(self) -> bool:
@@ -114,7 +128,8 @@ class EStop(Command):
 
 @dataclass(frozen=True, slots=True)
 class DwellMove(Command):
-    """Waiting: the channel stands for some seconds, where a card that queues sends what follows behind it.
+    """Waiting: the channel stands for some seconds, where a card that queues sends what follows
+    behind it.
 
     On a card that replaces, it stops a running move dead (assumed).
 
@@ -127,4 +142,14 @@ class DwellMove(Command):
         seconds = now.ramp("dwell", self.seconds)
         none = np.zeros((1, *now.due.shape))
         registers = np.full((4, *now.due.shape), np.inf)
-        return (MoveProfile(now.begin, now.position, now.position, none + seconds, none, none, registers=registers),)
+        return (
+            MoveProfile(
+                now.begin,
+                now.position,
+                now.position,
+                none + seconds,
+                none,
+                none,
+                registers=registers,
+            ),
+        )

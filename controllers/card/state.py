@@ -1,7 +1,8 @@
-"""The card at work: moves under way, position counters, the pulses it fires, and what it does with a command.
+"""The card at work: moves under way, position counters, the pulses it fires, and what it does with
+a command.
 
-A command that would pass a soft limit is refused, or stops there. Backlash is compensated by pulses that take up the
-play when a channel turns round; the counter does not see them.
+A command that would pass a soft limit is refused, or stops there. Backlash is compensated by pulses
+that take up the play when a channel turns round; the counter does not see them.
 """
 
 from __future__ import annotations
@@ -14,7 +15,14 @@ from numpy.typing import ArrayLike
 
 from controllers.card.channels import Channels, Command
 from controllers.card.model import Card, Refused
-from controllers.card.profile import MoveProfile, current_move, cut, idle_move, merge_sequences, standstill
+from controllers.card.profile import (
+    MoveProfile,
+    current_move,
+    cut,
+    idle_move,
+    merge_sequences,
+    standstill,
+)
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.names import count_noun
 from planner.pulses.schedule import COUNTER
@@ -23,19 +31,24 @@ from planner.pulses.schedule import COUNTER
 def insert_compensation(
     card: Card, moves: Sequence[MoveProfile], taken: Array, due: np.ndarray, joint: bool
 ) -> tuple[MoveProfile, ...]:
-    """The moves with pulses of compensation before each that runs the other way, by which it and the later are delayed.
+    """The moves with pulses of compensation before each that runs the other way, by which it and
+    the later are delayed.
 
-    Assumed: at power-up the play is taken up in the positive direction; a move that is replaced while it compensates
-    leaves the play where it is, and the next one takes up the rest; of an interpolation all channels start when the
-    last has compensated, and a turn within it is not compensated; other moves that turn round stop for it.
+    Assumed: at power-up the play is taken up in the positive direction; a move that is replaced
+    while it compensates leaves the play where it is, and the next one takes up the rest; of an
+    interpolation all channels start when the last has compensated, and a turn within it is not
+    compensated; other moves that turn round stop for it.
 
-    taken  (…) pulses of compensation until now, signed: from −backlash (taken up in the negative direction) to 0
+    taken  (…) pulses of compensation until now, signed: from −backlash (taken up in the negative
+           direction) to 0
     due    (…) bool, the lanes of the moves
     """
     if card.backlash is None:
         return tuple(moves)
     if len(card.backlash) != due.shape[-1]:
-        raise Refused(f"{card.name}: {len(card.backlash)} backlashes for {due.shape[-1]} channels; give each its own")
+        raise Refused(
+            f"{card.name}: {len(card.backlash)} backlashes for {due.shape[-1]} channels; give each its own"
+        )
     play, late, found = np.array(card.backlash, float), np.zeros(due.shape), []
     for whole in moves:
         for move in (whole,) if joint or whole.arc is not None else _split_at_turn(whole):
@@ -52,7 +65,9 @@ def insert_compensation(
 
 
 def _directions(move: MoveProfile) -> tuple[Array, Array]:
-    """(pieces, …) the sign of each piece's way, 0 of none, and (…) that of the first that has one."""
+    """(pieces, …) the sign of each piece's way, 0 of none, and (…) that of the first that has
+    one.
+    """
     spans = np.where(np.isinf(move.lengths), 1.0, move.lengths)
     signs = np.sign(np.stack([move.way(i, span) for i, span in enumerate(spans)]))
     first = np.zeros(move.begin.shape)
@@ -81,9 +96,11 @@ def _split_at_turn(move: MoveProfile) -> tuple[MoveProfile, ...]:
 
 
 def limit_move(now: Channels, move: MoveProfile, joint: bool) -> MoveProfile:
-    """The move as soft limits let it pass: ended dead on the limit, a joint one in all its channels at that instant.
+    """The move as soft limits let it pass: ended dead on the limit, a joint one in all its channels
+    at that instant.
 
-    A channel that stands beyond a limit may move back. Raises Refused where the card refuses, but for endless moves.
+    A channel that stands beyond a limit may move back. Raises Refused where the card refuses, but
+    for endless moves.
     """
     card, lanes = now.card, now.due.shape
     limits = card.soft_limits
@@ -116,8 +133,12 @@ def limit_move(now: Channels, move: MoveProfile, joint: bool) -> MoveProfile:
     return replace(stopped, target=np.where(ends & ~np.isnan(target), target, stopped.target))
 
 
-def _find_limit_crossing(move: MoveProfile, lane: tuple[int, ...], low: int, high: int) -> tuple[float, float]:
-    """When the channel first goes beyond a limit, s, and where it is to stand; (inf, 0) where it never does."""
+def _find_limit_crossing(
+    move: MoveProfile, lane: tuple[int, ...], low: int, high: int
+) -> tuple[float, float]:
+    """When the channel first goes beyond a limit, s, and where it is to stand; (inf, 0) where it
+    never does.
+    """
     begin, p = float(move.begin[lane]), float(move.start[lane])
     if begin == np.inf:
         return np.inf, 0.0
@@ -136,9 +157,17 @@ def _find_limit_crossing(move: MoveProfile, lane: tuple[int, ...], low: int, hig
 
 
 def _instant(
-    move: MoveProfile, lane: tuple[int, ...], i: int, begin: float, length: float, p: float, limit: float
+    move: MoveProfile,
+    lane: tuple[int, ...],
+    i: int,
+    begin: float,
+    length: float,
+    p: float,
+    limit: float,
 ) -> float:
-    """When piece i of a channel comes to the limit: halved, since it runs one way, to the last bit."""
+    """When piece i of a channel comes to the limit: halved, since it runs one way, to the last
+    bit.
+    """
     if length == np.inf:
         return begin + (limit - p) / float(move.speeds[(i, *lane)])
     low, high = begin, begin + length
@@ -172,9 +201,11 @@ class CardState:
         return position
 
     def counter(self, t: ArrayLike) -> np.ndarray:
-        """Position counters (N, …), int64, at instants t (N,), none before the last command: the nearest counts.
+        """Position counters (N, …), int64, at instants t (N,), none before the last command: the
+        nearest counts.
 
-        Of velocity moves they may have left the 28 bits: `read_counters` is what the host would read.
+        Of velocity moves they may have left the 28 bits: `read_counters` is what the host would
+        read.
         """
         return np.rint(self.position(t)).astype(np.int64)
 
@@ -193,8 +224,12 @@ def at_rest(counts: ArrayLike) -> CardState:
     return CardState((standstill(counts),), freeze_array(np.zeros_like(counts)))
 
 
-def send(card: Card, state: CardState, command: Command, t: float, due: np.ndarray | None = None) -> CardState:
-    """The card's state after a command sent at t (s), no earlier than the one before. Raises Refused, with reasons.
+def send(
+    card: Card, state: CardState, command: Command, t: float, due: np.ndarray | None = None
+) -> CardState:
+    """The card's state after a command sent at t (s), no earlier than the one before.
+
+    Raises Refused, with reasons.
 
     due  (…) bool, the lanes that are sent it; the others go on as they were. None: all.
     """
@@ -204,36 +239,58 @@ def send(card: Card, state: CardState, command: Command, t: float, due: np.ndarr
     queued = card.while_moving == "queue" and command.waits
     if queued:
         last = current_move(state.moves, [np.isfinite(move.begin) for move in state.moves])
-        waiting = _hold_idle_lanes(state, tuple(old for old in state.moves if (old.end > t).any()), t)
+        waiting = _hold_idle_lanes(
+            state, tuple(old for old in state.moves if (old.end > t).any()), t
+        )
         now = Channels(card, every, np.maximum(last.end, t), last.target, np.zeros(lanes), last)
     else:
         running = state.current_move(t)
-        now = Channels(card, every, np.full(lanes, t), running.position(np.array([t]))[0], running.speed(t), running)
+        now = Channels(
+            card,
+            every,
+            np.full(lanes, t),
+            running.position(np.array([t]))[0],
+            running.speed(t),
+            running,
+        )
         waiting = ()
     new = command.moves(now)
     if now.running.zero is not None:
-        new = tuple(move if move.zero is not None else replace(move, zero=now.running.zero) for move in new)
+        new = tuple(
+            move if move.zero is not None else replace(move, zero=now.running.zero) for move in new
+        )
     if card.soft_limits is not None and command.has_soft_limits:
         new = tuple(limit_move(now, move, command.joint) for move in new)
     fired, taken = state.pulses(t) - sum(move.pulses(t) for move in waiting), None
     if card.backlash is not None:
         taken = _compensation_pulses(state, state.moves, t) - _compensation_pulses(None, waiting, t)
-        new = insert_compensation(card, new, taken + _compensation_pulses(None, waiting, np.inf), every, command.joint)
+        new = insert_compensation(
+            card, new, taken + _compensation_pulses(None, waiting, np.inf), every, command.joint
+        )
     moves = (*waiting, *new)
     if not every.all():
-        moves, fired = merge_sequences(moves, state.moves, every), np.where(every, fired, state.fired)
+        moves, fired = (
+            merge_sequences(moves, state.moves, every),
+            np.where(every, fired, state.fired),
+        )
         if taken is not None:
             taken = np.where(every, taken, 0.0 if state.taken is None else state.taken)
     return CardState(moves, freeze_array(fired), None if taken is None else freeze_array(taken))
 
 
-def _hold_idle_lanes(state: CardState, waiting: tuple[MoveProfile, ...], t: float) -> tuple[MoveProfile, ...]:
-    """Moves that are kept of a state; a lane that has none in the first of them stands where what is left out ended."""
+def _hold_idle_lanes(
+    state: CardState, waiting: tuple[MoveProfile, ...], t: float
+) -> tuple[MoveProfile, ...]:
+    """Moves that are kept of a state; a lane that has none in the first of them stands where what
+    is left out ended.
+    """
     if not waiting or np.isfinite(waiting[0].begin).all():
         return waiting
     first, stand = waiting[0], state.position(t)[0]
     has = np.isfinite(first.begin)
-    held = replace(first, start=np.where(has, first.start, stand), target=np.where(has, first.target, stand))
+    held = replace(
+        first, start=np.where(has, first.start, stand), target=np.where(has, first.target, stand)
+    )
     return (held, *waiting[1:])
 
 
@@ -257,19 +314,22 @@ def read_counters(card: Card, state: CardState, t: ArrayLike) -> np.ndarray:
 
 
 def current_speed(card: Card, state: CardState, t: float) -> Array:
-    """The output rates (…), pulses/s, that the host reads at t (s): `GetCurrentSpeed` of [Sahbaz 2007, Appendix E].
+    """The output rates (…), pulses/s, that the host reads at t (s): `GetCurrentSpeed` of [Sahbaz
+    2007, Appendix E].
 
-    Assumed: it is the rate of the instant, zero where a move has come to its target, and not rounded to registers;
-    whether it has a sign is an option of the card.
+    Assumed: it is the rate of the instant, zero where a move has come to its target, and not
+    rounded to registers; whether it has a sign is an option of the card.
     """
     rate = state.current_move(t).speed(t)
     return np.abs(rate) if card.current_speed == "magnitude" else rate
 
 
 def round_to_ticks(card: Card, t: Array) -> np.ndarray:
-    """Ticks (pulses,) of the card's clock, int64, nearest to the instants t (pulses,) and strictly increasing.
+    """Ticks (pulses,) of the card's clock, int64, nearest to the instants t (pulses,) and strictly
+    increasing.
 
-    Where a channel is turned round within a tick of a pulse, the pulse back waits for the next free tick.
+    Where a channel is turned round within a tick of a pulse, the pulse back waits for the next free
+    tick.
     """
     order = np.arange(len(t))
     ticks = np.rint(t * card.clock_hz).astype(np.int64) - order

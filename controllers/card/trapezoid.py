@@ -1,4 +1,5 @@
-"""Trapezoidal moves, absolute and relative, velocity moves, and changes of speed and target on the fly.
+"""Trapezoidal moves, absolute and relative, velocity moves, and changes of speed and target on the
+fly.
 
 A change takes a move from wherever it is to a target, at other speeds.
 """
@@ -32,10 +33,12 @@ def lock_move(move: MoveProfile) -> MoveProfile:
 
 
 def steer_move(now: Channels, target: Array, registers: Array, *, overshoots: bool) -> MoveProfile:
-    """From position and speed of the instant to a target at registers (start speed u, top speed w, rates up and down).
+    """From position and speed of the instant to a target at registers (start speed u, top speed w,
+    rates up and down).
 
-    Where the way is too short to ramp down to u at the rate of the ramp down, or leads back: the channel ramps down,
-    and returns as a move that starts at u (`overshoots`); or it goes on to the target, and stops dead there.
+    Where the way is too short to ramp down to u at the rate of the ramp down, or leads back: the
+    channel ramps down, and returns as a move that starts at u (`overshoots`); or it goes on to the
+    target, and stops dead there.
     """
     # lanes without registers of their own are not looked at: any numbers serve
     low, top, up, down = np.where(np.isfinite(registers[0]), registers, 1.0)
@@ -46,7 +49,9 @@ def steer_move(now: Channels, target: Array, registers: Array, *, overshoots: bo
     time = np.where(over, np.maximum(fast - low, 0.0) / down, 0.0)
     turn = now.position + np.where(over, np.sign(now.speed) * braking, 0.0)
     sign = np.where(target - turn < 0, -1.0, 1.0)
-    lengths, speeds, rates = _plan_pieces(np.abs(target - turn), np.where(over, low, fast), top, low, up, down)
+    lengths, speeds, rates = _plan_pieces(
+        np.abs(target - turn), np.where(over, low, fast), top, low, up, down
+    )
     # infinite rates come with ramps of no length
     brake = -np.sign(now.speed) * np.where(np.isfinite(down), down, 0.0)
     return MoveProfile(
@@ -60,12 +65,16 @@ def steer_move(now: Channels, target: Array, registers: Array, *, overshoots: bo
     )
 
 
-def _plan_pieces(way: Array, v: Array, w: Array, u: Array, up: Array, down: Array) -> tuple[Array, Array, Array]:
-    """Lengths, speeds and rates of three pieces over a way: from speed v to w at rate `up`, held, to u at rate `down`.
+def _plan_pieces(
+    way: Array, v: Array, w: Array, u: Array, up: Array, down: Array
+) -> tuple[Array, Array, Array]:
+    """Lengths, speeds and rates of three pieces over a way: from speed v to w at rate `up`, held,
+    to u at rate `down`.
 
-    Where that does not fit, the ramps meet at vp: rising, vp² = (2D + v²/up + u²/down)/(1/up + 1/down); falling to
-    w < v more slowly than the ramp down, vp² = (v²/up − u²/down − 2D)/(1/up − 1/down). Where even braking at once is
-    too late, or the slower ramp is the ramp down, it brakes at once, as far as the way goes.
+    Where that does not fit, the ramps meet at vp: rising, vp² = (2D + v²/up + u²/down)/(1/up +
+    1/down); falling to w < v more slowly than the ramp down, vp² = (v²/up − u²/down − 2D)/(1/up −
+    1/down). Where even braking at once is too late, or the slower ramp is the ramp down, it brakes
+    at once, as far as the way goes.
     """
     slow_up, slow_down = 1 / up, 1 / down
     first, last = np.abs(w * w - v * v) * slow_up / 2, np.abs(w * w - u * u) * slow_down / 2
@@ -75,7 +84,8 @@ def _plan_pieces(way: Array, v: Array, w: Array, u: Array, up: Array, down: Arra
     meet = np.where(
         rising,
         (2 * way + v * v * slow_up + u * u * slow_down) / np.where(sum_ > 0, sum_, 1.0),
-        np.where(gap > 0, v * v * slow_up - u * u * slow_down - 2 * way, 0.0) / np.where(gap > 0, gap, 1.0),
+        np.where(gap > 0, v * v * slow_up - u * u * slow_down - 2 * way, 0.0)
+        / np.where(gap > 0, gap, 1.0),
     )
     inside = np.where(rising, meet >= v * v, (gap > 0) & (meet <= v * v) & (meet >= w * w))
     top = np.where(fits, w, np.where(inside, np.sqrt(np.maximum(meet, 0.0)), v))
@@ -87,7 +97,9 @@ def _plan_pieces(way: Array, v: Array, w: Array, u: Array, up: Array, down: Arra
     final = np.sqrt(np.maximum(top * top + 2 * rate * last, 0.0))
     held = np.where(fits, left - last, 0.0)
     some = np.where(top + final > 0, top + final, 1.0)
-    lengths = np.stack((np.abs(top - v) * slow_up, held / np.where(top > 0, top, 1.0), 2 * last / some))
+    lengths = np.stack(
+        (np.abs(top - v) * slow_up, held / np.where(top > 0, top, 1.0), 2 * last / some)
+    )
     rise = np.where(np.isfinite(up), np.where(top >= v, up, -up), 0.0)
     return lengths, np.stack((v, top, top)), np.stack((rise, np.zeros_like(rise), rate))
 
@@ -96,22 +108,23 @@ def _plan_pieces(way: Array, v: Array, w: Array, u: Array, up: Array, down: Arra
 class TAMove(Command):
     """Trapezoidal move to an absolute position, one value per lane.
 
-    Speeds count as magnitudes; the direction is the sign of target − command position. The speed runs from
-    `start_speed` to `max_speed` linearly within `tacc` (downwards too, when the start speed is the larger), holds, and
-    runs back to the start speed within `tdec` before the target. tdec = 0 stops dead on the target. The channel then
-    waits there.
+    Speeds count as magnitudes; the direction is the sign of target − command position. The speed
+    runs from `start_speed` to `max_speed` linearly within `tacc` (downwards too, when the start
+    speed is the larger), holds, and runs back to the start speed within `tdec` before the target.
+    tdec = 0 stops dead on the target. The channel then waits there.
 
     The card's documents do not say all of this. Assumed are:
     - magnitudes, the downward ramp, the dead stop and the waiting;
-    - acceleration is given as time for the full change of speed: a move too short for it keeps the rate and lowers the
-      top speed; with `Card.short_moves = "keep time"` it keeps the time;
-    - a command during a move replaces it from the command position of that instant, which keeps its share of a pulse
-      (the pulse generator's phase), and starts at its own start speed at once; `Card.while_moving = "queue"` is one
-      other reading, `Card.start_from = "current"` another: the speed of that instant instead, which becomes `max_speed`
-      within `tacc`, where it leads the same way; where it is too late to ramp down, the channel stops dead on the
-      target;
-    - a speed below one step of the speed register runs at one step, so every move arrives, if slowly: in a law that
-      commands zero speed at its last sample, what rounding left undone creeps home;
+    - acceleration is given as time for the full change of speed: a move too short for it keeps the
+      rate and lowers the top speed; with `Card.short_moves = "keep time"` it keeps the time;
+    - a command during a move replaces it from the command position of that instant, which keeps its
+      share of a pulse (the pulse generator's phase), and starts at its own start speed at once;
+      `Card.while_moving = "queue"` is one other reading, `Card.start_from = "current"` another: the
+      speed of that instant instead, which becomes `max_speed` within `tacc`, where it leads the
+      same way; where it is too late to ramp down, the channel stops dead on the target;
+    - a speed below one step of the speed register runs at one step, so every move arrives, if
+      slowly: in a law that commands zero speed at its last sample, what rounding left undone creeps
+      home;
     - a command takes effect at the instant it is sent.
 
     position    (…) pulses; rounded to whole ones here
@@ -134,7 +147,8 @@ class TAMove(Command):
 
 @dataclass(frozen=True, slots=True)
 class TRMove(Command):
-    """Trapezoidal move by a distance from the command position of the instant: otherwise as `TAMove`.
+    """Trapezoidal move by a distance from the command position of the instant: otherwise as
+    `TAMove`.
 
     distance    (…) pulses, rounded to whole ones; the target is that far from the counter
     start_speed, max_speed  (…) pulses/s
@@ -168,7 +182,9 @@ class Ramps(Protocol):
 
 
 def continue_move(command: Ramps, now: Channels, target: Array) -> MoveProfile:
-    """The trapezoidal move of a command, from the speed of the instant in lanes where the card says so."""
+    """The trapezoidal move of a command, from the speed of the instant in lanes where the card says
+    so.
+    """
     move = plan_move(command, now, target)
     on = now.goes_on(target - now.position)
     if not on.any():
@@ -176,12 +192,17 @@ def continue_move(command: Ramps, now: Channels, target: Array) -> MoveProfile:
     low, top, _, down = registers_of(move)
     change, tacc = np.abs(top - np.abs(now.speed)), now.ramp("acceleration", command.tacc)
     up = np.where(change > 0, change, np.inf) / tacc if tacc else np.full_like(low, np.inf)
-    return merge_lanes(steer_move(now, target, np.stack((low, top, up, down)), overshoots=False), move, on)
+    return merge_lanes(
+        steer_move(now, target, np.stack((low, top, up, down)), overshoots=False), move, on
+    )
 
 
 def plan_move(command: Ramps, now: Channels, target: Array) -> MoveProfile:
     """The trapezoidal move of a command to a target (…) that the counters hold."""
-    v0, v1 = now.magnitude("start speed", command.start_speed), now.magnitude("max speed", command.max_speed)
+    v0, v1 = (
+        now.magnitude("start speed", command.start_speed),
+        now.magnitude("max speed", command.max_speed),
+    )
     tacc, tdec = now.ramp("acceleration", command.tacc), now.ramp("deceleration", command.tdec)
     return trapezoid(now.begin, now.position, target, v0, v1, tacc, tdec, now.card.short_moves)
 
@@ -196,13 +217,14 @@ def trapezoid(
     tdec: float,
     short_moves: Literal["keep rate", "keep time"] = "keep rate",
 ) -> MoveProfile:
-    """Speed from v0 to v1 linearly within tacc, held, and back to v0 within tdec before the target; there it stops.
+    """Speed from v0 to v1 linearly within tacc, held, and back to v0 within tdec before the target;
+    there it stops.
 
-    Over the distance D = |target − start| the ramps take d = (v0 + v1)/2 · (tacc + tdec). If D < d, the rates are kept
-    and the top speed is what can be reached, vp² = v0² + 2 D (v1 − v0)/(tacc + tdec), each ramp being shortened by the
-    factor λ = (vp − v0)/(v1 − v0) = 2 D/((tacc + tdec)(v0 + vp)). All of it holds for v1 < v0 too, where the ramp
-    leads downwards. Where the time is kept, and v1 > v0: vp = 2 D/(tacc + tdec) − v0 at rates (vp − v0)/tacc, or v0
-    where that is less.
+    Over the distance D = |target − start| the ramps take d = (v0 + v1)/2 · (tacc + tdec). If D < d,
+    the rates are kept and the top speed is what can be reached, vp² = v0² + 2 D (v1 − v0)/(tacc +
+    tdec), each ramp being shortened by the factor λ = (vp − v0)/(v1 − v0) = 2 D/((tacc + tdec)(v0 +
+    vp)). All of it holds for v1 < v0 too, where the ramp leads downwards. Where the time is kept,
+    and v1 > v0: vp = 2 D/(tacc + tdec) − v0 at rates (vp − v0)/tacc, or v0 where that is less.
 
     v0, v1  (…) pulses/s > 0;  tacc, tdec  s ≥ 0;  the others as in `MoveProfile`
     """
@@ -222,7 +244,8 @@ def trapezoid(
     lengths = np.stack((share * tacc, held, share * tdec))
     speeds = np.stack((sign * v0, sign * top, sign * top))
     rates = np.stack((rise / (tacc or 1.0), np.zeros_like(held), -rise / (tdec or 1.0)))
-    # without a ramp, or without a change of speed in it, a later change finds no rate: it is at once (assumed)
+    # without a ramp, or without a change of speed in it, a later change finds no rate: it is at
+    # once (assumed)
     up, down = (
         np.where(rise == 0, np.inf, np.abs(rise) / seconds) if seconds else np.full_like(v1, np.inf)
         for seconds in (tacc, tdec)
@@ -233,13 +256,15 @@ def trapezoid(
 
 @dataclass(frozen=True, slots=True)
 class TVMove(Command):
-    """Velocity move without a target: the speed runs from `start_speed` to `speed` linearly within `tacc`, and holds.
+    """Velocity move without a target: the speed runs from `start_speed` to `speed` linearly within
+    `tacc`, and holds.
 
-    Assumed: speeds are signed, positive where the axis' own coordinate grows; where the two signs differ, the channel
-    ramps down to a stop and turns, at the one rate (speed − start_speed)/tacc; a speed of zero is a stop, of which the
-    channel keeps its share of a pulse; it runs from the command position of the instant, as `TAMove` does. A move that
-    is queued behind it begins when it is at rest. With `Card.start_from = "current"` it begins at the speed of the
-    instant instead of `start_speed`, where that leads the same way.
+    Assumed: speeds are signed, positive where the axis' own coordinate grows; where the two signs
+    differ, the channel ramps down to a stop and turns, at the one rate (speed − start_speed)/tacc;
+    a speed of zero is a stop, of which the channel keeps its share of a pulse; it runs from the
+    command position of the instant, as `TAMove` does. A move that is queued behind it begins when
+    it is at rest. With `Card.start_from = "current"` it begins at the speed of the instant instead
+    of `start_speed`, where that leads the same way.
 
     start_speed, speed  (…) pulses/s;  tacc  s
     """
@@ -260,10 +285,11 @@ class TVMove(Command):
 class VChange(Command):
     """Change of speed on the fly: from the speed of the instant to `speed` linearly within `tacc`.
 
-    Of a velocity move it makes another one, see `TVMove`. A trapezoidal move keeps its target, its start speed and the
-    rate of its ramp down; `speed` is its new top speed, a magnitude. Drops what is queued. Assumed: it stops dead on
-    the target where it cannot ramp down in time; a channel that stands begins a velocity move from rest. Refused while
-    a channel runs an S-curve, an interpolation, a dwell or a home return.
+    Of a velocity move it makes another one, see `TVMove`. A trapezoidal move keeps its target, its
+    start speed and the rate of its ramp down; `speed` is its new top speed, a magnitude. Drops what
+    is queued. Assumed: it stops dead on the target where it cannot ramp down in time; a channel
+    that stands begins a velocity move from rest. Refused while a channel runs an S-curve, an
+    interpolation, a dwell or a home return.
 
     speed  (…) pulses/s;  tacc  s
     """
@@ -281,7 +307,10 @@ class VChange(Command):
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
         tacc, speed = now.ramp("acceleration", self.tacc), now.register_speed("speed", self.speed)
         free = ramp(now.begin, now.position, now.speed, speed, tacc)
-        now.forbid(is_locked(now), "only a velocity move or a trapezoidal move takes a change of speed; stop it first")
+        now.forbid(
+            is_locked(now),
+            "only a velocity move or a trapezoidal move takes a change of speed; stop it first",
+        )
         bound = is_steerable(now)
         if not bound.any():
             return (free,)
@@ -289,7 +318,9 @@ class VChange(Command):
         top = now.magnitude("speed", self.speed)
         change = np.abs(top - np.abs(now.speed))
         up = np.where(change > 0, change, np.inf) / tacc if tacc else np.full_like(low, np.inf)
-        found = steer_move(now, now.running.target, np.stack((low, top, up, down)), overshoots=False)
+        found = steer_move(
+            now, now.running.target, np.stack((low, top, up, down)), overshoots=False
+        )
         return (merge_lanes(found, free, bound),)
 
 
@@ -300,23 +331,29 @@ def start_and_end_speeds(now: Channels, start_speed: Array, speed: Array) -> tup
 
 
 def ramp(begin: Array, start: Array, v0: Array, v1: Array, tacc: float) -> MoveProfile:
-    """Speed from v0 to v1 (signed) linearly within tacc, then held, for ever unless v1 = 0; parted where it turns."""
+    """Speed from v0 to v1 (signed) linearly within tacc, then held, for ever unless v1 = 0; parted
+    where it turns.
+    """
     turns = v0 * v1 < 0
     first = np.where(turns, tacc * v0 / np.where(turns, v0 - v1, 1.0), tacc)
     rate = (v1 - v0) / (tacc or 1.0)
     lengths = np.stack((first, tacc - first, np.where(v1 == 0, 0.0, np.inf)))
-    speeds, rates = np.stack((v0, np.where(turns, 0.0, v1), v1)), np.stack((rate, rate, np.zeros_like(rate)))
+    speeds, rates = (
+        np.stack((v0, np.where(turns, 0.0, v1), v1)),
+        np.stack((rate, rate, np.zeros_like(rate))),
+    )
     return MoveProfile(begin, start, start + tacc * (v0 + v1) / 2, lengths, speeds, rates)
 
 
 @dataclass(frozen=True, slots=True)
 class PChange(Command):
-    """A new target for the trapezoidal move under way, on the fly; on the 8164 alone [Sahbaz 2007, Appendix A].
+    """A new target for the trapezoidal move under way, on the fly; on the 8164 alone [Sahbaz 2007,
+    Appendix A].
 
-    Assumed: top speed, start speed and the rates of both ramps stay those of the move; a channel that ramps down
-    already speeds up again; one that would pass the new target at the rate of its ramp down, or runs away from it,
-    ramps down to its start speed, and returns from there. Drops what is queued. Refused where no such move is under
-    way.
+    Assumed: top speed, start speed and the rates of both ramps stay those of the move; a channel
+    that ramps down already speeds up again; one that would pass the new target at the rate of its
+    ramp down, or runs away from it, ramps down to its start speed, and returns from there. Drops
+    what is queued. Refused where no such move is under way.
 
     position  (…) pulses, absolute; rounded to whole ones
     """
@@ -332,7 +369,12 @@ class PChange(Command):
 
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
         if not now.card.moves_target:
-            raise Refused(f"{now.card.name} cannot change a position on the fly; send a new move, or use a PCI-8164")
-        now.forbid(~is_steerable(now), "no trapezoidal move is under way whose position could change; send a new move")
+            raise Refused(
+                f"{now.card.name} cannot change a position on the fly; send a new move, or use a PCI-8164"
+            )
+        now.forbid(
+            ~is_steerable(now),
+            "no trapezoidal move is under way whose position could change; send a new move",
+        )
         target = now.target(np.rint(self.position))
         return (steer_move(now, target, registers_of(now.running), overshoots=True),)

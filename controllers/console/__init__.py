@@ -1,4 +1,6 @@
-"""The operator's console: any machine on the virtual card, by lines of text, from a keyboard or a remote computer."""
+"""The operator's console: any machine on the virtual card, by lines of text, from a keyboard or a
+remote computer.
+"""
 
 import lazy_loader
 

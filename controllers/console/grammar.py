@@ -1,10 +1,12 @@
-"""From a line of text to its words, or an English diagnostic: a line that is not wholly understood does nothing.
+"""From a line of text to its words, or an English diagnostic: a line that is not wholly understood
+does nothing.
 
 Operator [Sasidhar 1981, Appendix F]:   JOG X CW | POS X CW 100 Z CCW 20 | HOME Y | REM | MAN | TEST
-  the key θ, or THETA                   is the rotary axis R, as on its keyboard; the remote line says R
-  added here:                           STOP | WHERE | ACCEPT | HELP | MOVE x y z [rx ry rz], mm and degrees from home
-                                        PTP x y z [rx ry rz], synchronised [Sahbaz 2007, 5.2.3]
-                                        HOME X AT 24 in Y AT 600 mm R AT 90 deg
+  the key θ, or THETA                   is the rotary axis R, as on its keyboard; the remote line
+                                        says R
+  added here:                           STOP | WHERE | ACCEPT | HELP | MOVE x y z [rx ry rz], mm and
+                                        degrees from home PTP x y z [rx ry rz], synchronised [Sahbaz
+                                        2007, 5.2.3] HOME X AT 24 in Y AT 600 mm R AT 90 deg
 Remote:                                 P X + 100 Y - 40 Z + 80
   added here:                           STOP | WHERE | MOVE … | PTP …
 """
@@ -26,7 +28,9 @@ Mode = Literal["MAN", "REM", "TEST"]
 
 @dataclass(frozen=True, slots=True)
 class Jog:
-    """One axis slowly, clockwise (+1) or counterclockwise (−1) of its motor, until it is stopped or at its end."""
+    """One axis slowly, clockwise (+1) or counterclockwise (−1) of its motor, until it is stopped or
+    at its end.
+    """
 
     axis: int
     sign: int
@@ -41,7 +45,8 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """The tool to a pose relative to home: x y z in m, turns about x y z in rad, Rx·Ry·Rz; along a straight line.
+    """The tool to a pose relative to home: x y z in m, turns about x y z in rad, Rx·Ry·Rz; along a
+    straight line.
 
     synchronised  from point to point instead: every axis straight to its place, all together
     """
@@ -55,10 +60,13 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Axes whose registers become zero where they stand, and what that says of their slides. Nothing moves.
+    """Axes whose registers become zero where they stand, and what that says of their slides.
 
-    places  (axis, quantity) each: the slide stands there in its travel, as "24 in". None says nothing of one whose
-            place is known; one whose place is not known then stands at its switch, where travel is 0
+    Nothing moves.
+
+    places  (axis, quantity) each: the slide stands there in its travel, as "24 in". None says
+            nothing of one whose place is known; one whose place is not known then stands at its
+            switch, where travel is 0
     """
 
     places: tuple[tuple[int, str | None], ...]
@@ -95,7 +103,9 @@ Words = Jog | Position | Move | Home | Accept | Switch | Halt | Where | Help
 
 
 ROTARY, ROTARY_KEYS = "R", ("Θ", "THETA")
-"""The rotary axis' name on the remote line, and what stands for it on the operator's [Sasidhar 1981, F.2, F.4]."""
+"""The rotary axis' name on the remote line, and what stands for it on the operator's [Sasidhar
+1981, F.2, F.4].
+"""
 TURNS = {"CW": 1, "CCW": -1}
 SIGNS = {"+": 1, "-": -1}
 STEPS = re.compile(r"[0-9]{1,9}", re.ASCII)
@@ -118,7 +128,10 @@ class MisreadLine(MotionError):
 
 
 def parse_operator_line(line: str, names: Sequence[str]) -> Words:
-    """A line of the operator, in capitals or not; names: of the axes, in capitals. Raises MisreadLine."""
+    """A line of the operator, in capitals or not; names: of the axes, in capitals.
+
+    Raises MisreadLine.
+    """
     words = ["THETA" if word in ROTARY_KEYS else word for word in line.upper().split()]
     if ROTARY in names and "THETA" not in names:
         words = [ROTARY if word == "THETA" else word for word in words]
@@ -167,7 +180,9 @@ def _home(rest: list[str], names: Sequence[str]) -> Home:
             # "24 in" and "24in"
             count = 3 if len(rest) > 1 and NUMBER.fullmatch(rest[1]) else 2
             if len(rest) < count or not NUMBER.match(rest[1]):
-                raise MisreadLine(f"AT takes where the slide stands, as HOME {names[axis]} AT 24 in")
+                raise MisreadLine(
+                    f"AT takes where the slide stands, as HOME {names[axis]} AT 24 in"
+                )
             place, rest = " ".join(rest[1:count]).lower(), rest[count:]
         places.append((axis, place))
     if not places:
@@ -187,7 +202,9 @@ def _position(first: str, rest: list[str], names: Sequence[str], signs: dict[str
     steps = []
     for axis, sign, number in zip(rest[::3], rest[1::3], rest[2::3], strict=True):
         if not STEPS.fullmatch(number):
-            raise MisreadLine(f"{number} is not a number of steps: at most nine digits, and nothing else")
+            raise MisreadLine(
+                f"{number} is not a number of steps: at most nine digits, and nothing else"
+            )
         steps.append((_axis(axis, names), _sign(sign, signs) * int(number)))
     _refuse_repeated([axis for axis, _ in steps], names)
     return Position(tuple(steps))

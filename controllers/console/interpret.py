@@ -1,9 +1,10 @@
 """What words do to a session that stands: (session, words) -> (session, reply, motion).
 
-The self-test runs every axis end to end on the card alone, its pulses counted one by one; the machine does not move.
-Cartesian words ask for a line or a synchronised move through the planner, from where the axes stand, or tell poses.
-HOME sets the register's zero, which may be any place of the travel [Sasidhar 1981, F.5]. What the slide may still do
-is another matter: it is counted from the switch, so HOME never takes one for the other.
+The self-test runs every axis end to end on the card alone, its pulses counted one by one; the
+machine does not move. Cartesian words ask for a line or a synchronised move through the planner,
+from where the axes stand, or tell poses. HOME sets the register's zero, which may be any place of
+the travel [Sasidhar 1981, F.5]. What the slide may still do is another matter: it is counted from
+the switch, so HOME never takes one for the other.
 """
 
 from __future__ import annotations
@@ -15,8 +16,26 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from controllers.card import Refused
-from controllers.console.grammar import ROTARY, Accept, Halt, Help, Home, Jog, Move, Position, Switch, Where, Words
-from controllers.console.motion import JOG_SPEED_SHARE, WHOLE_TOLERANCE, PlannedMotion, SessionMotion, trapezoid_motion
+from controllers.console.grammar import (
+    ROTARY,
+    Accept,
+    Halt,
+    Help,
+    Home,
+    Jog,
+    Move,
+    Position,
+    Switch,
+    Where,
+    Words,
+)
+from controllers.console.motion import (
+    JOG_SPEED_SHARE,
+    WHOLE_TOLERANCE,
+    PlannedMotion,
+    SessionMotion,
+    trapezoid_motion,
+)
 from controllers.console.session import Session
 from kinematics.analysis.forward import RESIDUAL_TOLERANCE
 from kinematics.foundation.errors import MotionError, OutOfReach
@@ -29,7 +48,9 @@ from planner.pulses.schedule import COUNTER
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """reply: to say now; "" where the end of the motion is the answer. motion: to begin; None: nothing moves."""
+    """reply: to say now; "" where the end of the motion is the answer. motion: to begin; None:
+    nothing moves.
+    """
 
     session: Session
     reply: str = ""
@@ -38,7 +59,10 @@ class Answer:
 
 
 def interpret(session: Session, words: Words, t: float) -> Answer:
-    """What follows from words at t (s), no motion being under way. Raises MotionError, and then nothing does."""
+    """What follows from words at t (s), no motion being under way.
+
+    Raises MotionError, and then nothing does.
+    """
     match words:
         case Jog():
             return _jog(session, words, t)
@@ -54,7 +78,9 @@ def interpret(session: Session, words: Words, t: float) -> Answer:
             return _accept(session, t)
         case Switch(mode):
             changed = replace(session, mode=mode)
-            return Answer(changed, report(session) if mode == "TEST" else f"{mode}: {_describe_mode(changed)}")
+            return Answer(
+                changed, report(session) if mode == "TEST" else f"{mode}: {_describe_mode(changed)}"
+            )
         case Halt():
             return Answer(session, f"STOPPED {session.describe(t)}")
         case Where():
@@ -86,7 +112,9 @@ def describe_offer(session: Session) -> str:
     listed = list(zip(session.drives.names, registers, last_known.known, strict=True))
     last = " ".join(f"{name} {register}" for name, register, is_known in listed if is_known)
     lost = " ".join(name for name, _, is_known in listed if not is_known)
-    return f"last known position {last}: ACCEPT or HOME" + (f"; {lost} unknown: HOME" if lost else "")
+    return f"last known position {last}: ACCEPT or HOME" + (
+        f"; {lost} unknown: HOME" if lost else ""
+    )
 
 
 def _describe_mode(session: Session) -> str:
@@ -118,7 +146,9 @@ def _help(session: Session) -> str:
 
 def _accept(session: Session, t: float) -> Answer:
     if session.offered is None:
-        raise Refused("nothing to accept: no position was saved, or an axis has moved since; give HOME")
+        raise Refused(
+            "nothing to accept: no position was saved, or an axis has moved since; give HOME"
+        )
     last = session.offered
     known = last.known & ~session.homed
     changed = replace(
@@ -138,7 +168,9 @@ def _jog(session: Session, words: Jog, t: float) -> Answer:
     fine, reason = clear(session, lambda share: session.counts + np.rint(share * way))
     target = session.counts + np.rint(fine * way).astype(np.int64)
     if target[i] == session.counts[i]:
-        raise Refused(f"axis {drives.names[i]} cannot go further: {reason or 'end of travel'}; jog it the other way")
+        raise Refused(
+            f"axis {drives.names[i]} cannot go further: {reason or 'end of travel'}; jog it the other way"
+        )
     return Answer(
         session,
         motion=trapezoid_motion(drives, session.counts, target, drives.speed * JOG_SPEED_SHARE, t),
@@ -154,7 +186,9 @@ def _position(session: Session, words: Position, t: float) -> Answer:
     for i in np.flatnonzero((target < low) | (target > high)):
         name, (first, last) = drives.names[i], ends(session, int(i))
         known = "its travel" if session.homed[i] else "the length of its travel (not homed)"
-        elsewhere = f"; if its slide is elsewhere, state where: HOME {name} AT {example(session, int(i))}"
+        elsewhere = (
+            f"; if its slide is elsewhere, state where: HOME {name} AT {example(session, int(i))}"
+        )
         raise Refused(
             f"axis {name} to {session.read_registers(target)[i]} steps is outside {first} to {last}, {known}"
             f"{elsewhere if session.homed[i] else ''}"
@@ -173,15 +207,24 @@ MAX_TEST_STEPS = 200_000
 
 
 def report(session: Session) -> str:
-    """A line about each axis: steps over its travel, their rate at most, its ramp, the time, and whether all fired."""
-    drives, lines = session.drives, ["TEST: commands are checked but not run; MAN returns to manual mode"]
+    """A line about each axis: steps over its travel, their rate at most, its ramp, the time, and
+    whether all fired.
+    """
+    drives, lines = (
+        session.drives,
+        ["TEST: commands are checked but not run; MAN returns to manual mode"],
+    )
     for i, (name, axis) in enumerate(zip(drives.names, session.machine.axes, strict=True)):
         steps = int(min(drives.high[i] - drives.low[i], MAX_TEST_STEPS))
         target = np.zeros(len(drives.names), np.int64)
         target[i] = steps
         motion = trapezoid_motion(drives, np.zeros_like(target), target, drives.speed, 0.0)
         fired = int(motion.directions_between(0.0, np.inf)[i].sum())
-        verdict = "OK" if fired == steps == motion.counts(np.inf)[i] else f"FAULT: {count_noun(fired, 'pulse')} fired"
+        verdict = (
+            "OK"
+            if fired == steps == motion.counts(np.inf)[i]
+            else f"FAULT: {count_noun(fired, 'pulse')} fired"
+        )
         rate = f"{drives.speed[i]:.6g} steps/s at most after a ramp of {drives.ramp[i]:.0f}"
         lines.append(
             f"{name}: {count_noun(steps, 'step')} of {axis.pulse:.6g} {axis.unit}, {rate}, "
@@ -191,16 +234,19 @@ def report(session: Session) -> str:
 
 
 STANDING_PULSES = 0.5 + WHOLE_TOLERANCE
-"""Pulses of every axis within which a pose is the one at which the tool stands: it would be rounded to it."""
+"""Pulses of every axis within which a pose is the one at which the tool stands: it would be rounded
+to it.
+"""
 MIN_TURN = 1e-9
 """rad from which a line turns the tool."""
 
 
 def plan_move(session: Session, words: Move, t: float) -> PlannedMotion | None:
-    """The certified fastest motion that is asked for; None where the tool is there already, to the pulse.
+    """The certified fastest motion that is asked for; None where the tool is there already, to the
+    pulse.
 
-    A way of less than a pulse of every axis is none: with a turn it is a turn in place, not a line of nanometres.
-    Raises Refused where an axis is not homed, and whatever the planner refuses with.
+    A way of less than a pulse of every axis is none: with a turn it is a turn in place, not a line
+    of nanometres. Raises Refused where an axis is not homed, and whatever the planner refuses with.
     """
     from planner.plan import plan
     from planner.program.model import Line, Program, Synchronised, Turn
@@ -229,7 +275,8 @@ def plan_move(session: Session, words: Move, t: float) -> PlannedMotion | None:
     found = plan(program, session.machine, clock_hz=session.drives.card.clock_hz)
     begins = [axis.start for axis in found.pulses.axes]
     if begins != session.counts.tolist():
-        # the planner counts from the coordinates nearest home; the axes stand a turn or a branch away
+        # the planner counts from the coordinates nearest home; the axes stand a turn or a branch
+        # away
         raise Refused(
             f"the plan begins at counts {begins}, the axes stand at {session.counts.tolist()}; go back by POS"
         )
@@ -237,7 +284,9 @@ def plan_move(session: Session, words: Move, t: float) -> PlannedMotion | None:
 
 
 def _pulses(session: Session, pose: Pose) -> float:
-    """Pulses from where the axes stand to a pose relative to home, of the axis that has the most; inf: out of reach."""
+    """Pulses from where the axes stand to a pose relative to home, of the axis that has the most;
+    inf: out of reach.
+    """
     machine = session.machine
     try:
         q = machine.inverse(machine.home * pose, session.q())
@@ -247,28 +296,43 @@ def _pulses(session: Session, pose: Pose) -> float:
 
 
 def describe_tool(session: Session) -> str:
-    """Where the tool stands, relative to home: "x 1.5 y 0 z 25 mm rx 0 ry 0 rz 0 deg", of what the machine controls."""
+    """Where the tool stands, relative to home: "x 1.5 y 0 z 25 mm rx 0 ry 0 rz 0 deg", of what the
+    machine controls.
+    """
     pose = session.pose()
     angles = pose.rotation.as_euler("XYZ", degrees=True)
-    values = dict(zip(("x", "y", "z", "rx", "ry", "rz"), [*(pose.translation * 1e3), *angles], strict=True))
+    values = dict(
+        zip(("x", "y", "z", "rx", "ry", "rz"), [*(pose.translation * 1e3), *angles], strict=True)
+    )
     free = session.machine.freedom
-    groups = [(unit, [n for n in values if n in free and n.startswith("r") == turn]) for unit, turn in _GROUPS]
+    groups = [
+        (unit, [n for n in values if n in free and n.startswith("r") == turn])
+        for unit, turn in _GROUPS
+    ]
     return " ".join(
-        f"{' '.join(f'{n} {round(values[n], 4) + 0.0:.4f}' for n in names)} {unit}" for unit, names in groups if names
+        f"{' '.join(f'{n} {round(values[n], 4) + 0.0:.4f}' for n in names)} {unit}"
+        for unit, names in groups
+        if names
     )
 
 
 CHECKED_PLACES = 65
-"""Places at which joints and clearances are looked at along a way of single axes; what lies between is not proved."""
+"""Places at which joints and clearances are looked at along a way of single axes; what lies between
+is not proved.
+"""
 
 
 def clear(session: Session, way: Callable[[float], np.ndarray]) -> tuple[float, str]:
-    """The share of a way that keeps joints, clearances and room within their limits, and what the next look breaks.
+    """The share of a way that keeps joints, clearances and room within their limits, and what the
+    next look breaks.
 
-    1 for a machine that states no such limits, or whose axes are not all homed. way: counts (n,) at a share of it.
+    1 for a machine that states no such limits, or whose axes are not all homed. way: counts (n,) at
+    a share of it.
     """
     machine = session.machine
-    if session.unknown() or not (machine.tilt_names or machine.bodies or np.isfinite(machine.room).any()):
+    if session.unknown() or not (
+        machine.tilt_names or machine.bodies or np.isfinite(machine.room).any()
+    ):
         return 1.0, ""
     counts = np.stack([way(look / (CHECKED_PLACES - 1)) for look in range(1, CHECKED_PLACES)])
     pulse = np.array([axis.pulse for axis in machine.axes])
@@ -294,7 +358,10 @@ SHOWN_UNITS = {"linear": ("mm", 1e3), "rotary": ("deg", 180 / np.pi)}
 
 
 def set_home(session: Session, words: Home) -> Session:
-    """The session with HOME said. Raises Refused for a place outside the travel, or one that cannot be the switch."""
+    """The session with HOME said.
+
+    Raises Refused for a place outside the travel, or one that cannot be the switch.
+    """
     counts = np.array(session.counts)
     for axis, said in words.places:
         if said is not None:
@@ -306,9 +373,13 @@ def set_home(session: Session, words: Home) -> Session:
 
 
 def describe_homes(session: Session, axes: Sequence[int]) -> str:
-    """What holds now: "HOME X: register 0; X at 609.6 mm of its travel, 0 to 1219.2 mm, steps -38400 to 38400"."""
+    """What holds now: "HOME X: register 0; X at 609.6 mm of its travel, 0 to 1219.2 mm, steps
+    -38400 to 38400".
+    """
     names = " ".join(session.drives.names[axis] for axis in axes)
-    return "; ".join([f"HOME {names}: register 0", *(_describe_axis(session, axis) for axis in axes)])
+    return "; ".join(
+        [f"HOME {names}: register 0", *(_describe_axis(session, axis) for axis in axes)]
+    )
 
 
 def ends(session: Session, axis: int) -> tuple[int, int]:
@@ -354,8 +425,9 @@ def _parse_place(session: Session, axis: int, said: str) -> int:
     except MotionError as error:
         raise Refused(f"HOME {name} AT {said}: {error}") from None
     low, high = min(driven.travel[0], 0.0), max(driven.travel[1], 0.0)
-    if not low - WHOLE_TOLERANCE * driven.pulse <= place <= high + WHOLE_TOLERANCE * driven.pulse or _is_beyond_counter(
-        place / driven.pulse
+    if (
+        not low - WHOLE_TOLERANCE * driven.pulse <= place <= high + WHOLE_TOLERANCE * driven.pulse
+        or _is_beyond_counter(place / driven.pulse)
     ):
         raise Refused(f"HOME {name} AT {said} is outside {_span(driven)}")
     first, last = (int(end[axis]) for end in session.drives.reach())
@@ -375,9 +447,14 @@ def _span(driven: Axis) -> str:
 
 
 def _refuse_switch(session: Session, axis: int) -> None:
-    """Raise Refused where it has been at places that would lie beyond its travel, if this one were the switch."""
+    """Raise Refused where it has been at places that would lie beyond its travel, if this one were
+    the switch.
+    """
     low, high = session.drives.reach()
-    before, beyond = session.least[axis] - session.counts[axis], session.most[axis] - session.counts[axis]
+    before, beyond = (
+        session.least[axis] - session.counts[axis],
+        session.most[axis] - session.counts[axis],
+    )
     if before >= low[axis] and beyond <= high[axis]:
         return
     name, driven = session.drives.names[axis], session.machine.axes[axis]

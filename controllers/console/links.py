@@ -1,7 +1,9 @@
-"""Where bytes come from and go to (keyboard or pipe, serial line, TCP socket), and lines made of them.
+"""Where bytes come from and go to (keyboard or pipe, serial line, TCP socket), and lines made of
+them.
 
-A kind of link is one small method that tells which links have opened since it was last asked; all are descriptors that
-can be polled. Bytes become lines whatever comes in, in whatever pieces, with a bounded memory.
+A kind of link is one small method that tells which links have opened since it was last asked; all
+are descriptors that can be polled. Bytes become lines whatever comes in, in whatever pieces, with a
+bounded memory.
 """
 
 from __future__ import annotations
@@ -48,7 +50,10 @@ class Link:
     line_end: str = "\r\n"
 
     def read_bytes(self) -> bytes | None:
-        """What has come; None: no more will, but it may still be answered. Raises OSError where it is broken."""
+        """What has come; None: no more will, but it may still be answered.
+
+        Raises OSError where it is broken.
+        """
         try:
             return os.read(self.reads, READ_BYTES) or None
         except BlockingIOError:
@@ -94,7 +99,9 @@ class OpenTransport(Transport):
 
 def pipe() -> Link:
     """Standard input and output, where these are no terminal."""
-    return Link(sys.stdin.fileno(), sys.stdout.fileno(), "console", _leave_open, script=True, line_end="\n")
+    return Link(
+        sys.stdin.fileno(), sys.stdout.fileno(), "console", _leave_open, script=True, line_end="\n"
+    )
 
 
 def _leave_open() -> None:
@@ -102,7 +109,8 @@ def _leave_open() -> None:
 
 
 def serial_line(port: str, baud: int, parity: str = "none") -> Transport:
-    """A serial line, 8 data bits, parity "none", "even" or "odd", 1 stop bit; what came before is dropped.
+    """A serial line, 8 data bits, parity "none", "even" or "odd", 1 stop bit; what came before is
+    dropped.
 
     With a parity, a byte that was received with a wrong one is read as 0x00, which spoils its line.
     """
@@ -112,7 +120,9 @@ def serial_line(port: str, baud: int, parity: str = "none") -> Transport:
     except ImportError:
         raise NotInstalled("a serial line", "pyserial", "serial") from None
     if parity not in PARITIES:
-        raise MotionError(f'serial line {port}: parity "{parity}" is not known; there are {", ".join(PARITIES)}')
+        raise MotionError(
+            f'serial line {port}: parity "{parity}" is not known; there are {", ".join(PARITIES)}'
+        )
     if not BAUD[0] <= baud <= BAUD[1]:
         raise MotionError(f"serial line {port}: {baud} baud is outside {BAUD[0]} to {BAUD[1]}")
     try:
@@ -135,7 +145,9 @@ def _check_parity(descriptor: int) -> None:
 
 
 class Socket(Transport):
-    """A listening TCP socket: on the loopback address, or on that of an interface if it was told one."""
+    """A listening TCP socket: on the loopback address, or on that of an interface if it was told
+    one.
+    """
 
     __slots__ = ("_listener", "_open", "address")
 
@@ -164,7 +176,11 @@ class Socket(Transport):
             client.setblocking(False)
             _keep_alive(client)
             self._open.append(client)
-            found.append(Link(client.fileno(), client.fileno(), f"{host}:{port}", client.close, stranger=True))
+            found.append(
+                Link(
+                    client.fileno(), client.fileno(), f"{host}:{port}", client.close, stranger=True
+                )
+            )
 
     def close(self) -> None:
         self._listener.close()
@@ -178,7 +194,9 @@ Then a computer that is gone is noticed.
 
 
 def _keep_alive(client: socket.socket) -> None:
-    """Have the system close a connection whose other end is gone, so that it does not take a place for ever."""
+    """Have the system close a connection whose other end is gone, so that it does not take a place
+    for ever.
+    """
     client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in KEEP_ALIVE.items():
         if hasattr(socket, name):  # not on every system
@@ -186,9 +204,13 @@ def _keep_alive(client: socket.socket) -> None:
 
 
 def require_pollable() -> None:
-    """Raise MotionError on a system whose serial lines and consoles cannot be waited for together."""
+    """Raise MotionError on a system whose serial lines and consoles cannot be waited for
+    together.
+    """
     if sys.platform == "win32":
-        raise MotionError("the console waits for keyboard, serial line and socket at once, which Windows cannot")
+        raise MotionError(
+            "the console waits for keyboard, serial line and socket at once, which Windows cannot"
+        )
 
 
 MAX_LINE_BYTES = 120
@@ -212,7 +234,10 @@ class Partial:
     held: bytes = b""
 
     def feed(self, data: bytes) -> tuple[Partial, tuple[TextLine, ...]]:
-        """With bytes that have come: lines that end among them. CR, LF and both end a line; an empty one is none."""
+        """With bytes that have come: lines that end among them.
+
+        CR, LF and both end a line; an empty one is none.
+        """
         *ended, rest = data.replace(b"\n", b"\r").split(b"\r")
         lines, held = [], self.held
         for part in ended:
@@ -228,7 +253,9 @@ class Partial:
         return any(byte < 0x20 and byte != 0x09 for byte in self.held)
 
     def broken_off(self) -> tuple[TextLine, ...]:
-        """What is left when no more comes: a fault, since a line without its end may not be all of it."""
+        """What is left when no more comes: a fault, since a line without its end may not be all of
+        it.
+        """
         return (TextLine("", "the input ended within a line"),) if self.held.strip(b" \t") else ()
 
 
@@ -240,12 +267,16 @@ def _read(line: bytes) -> TextLine:
         plain = plain.replace(key, b"T" * len(key))
     for place, byte in enumerate(plain):
         if not (0x20 <= byte < 0x7F or byte == 0x09):
-            return TextLine("", f"byte 0x{byte:02X} at {place + 1} of a line is not a character of a command")
+            return TextLine(
+                "", f"byte 0x{byte:02X} at {place + 1} of a line is not a character of a command"
+            )
     return TextLine(line.decode())
 
 
 MAX_MISREAD_LINES = 3
-"""Lines in a row that are no commands, from the first on, after which a link is shut: HTTP has more before its body."""
+"""Lines in a row that are no commands, from the first on, after which a link is shut: HTTP has more
+before its body.
+"""
 HTTP = re.compile(r"\s*[A-Z]+ +\S+ +HTTP/", re.ASCII | re.IGNORECASE)
 
 
@@ -253,7 +284,8 @@ HTTP = re.compile(r"\s*[A-Z]+ +\S+ +HTTP/", re.ASCII | re.IGNORECASE)
 class Trust:
     """What a link's lines have shown so far.
 
-    known    whether one of them was a command: a computer that knows them may err as often as it likes
+    known    whether one of them was a command: a computer that knows them may err as often as it
+             likes
     misread  how many were no commands before that
     shut     why the link is to be closed; "": it is not
     """
@@ -265,8 +297,8 @@ class Trust:
     def read_line(self, line: TextLine, names: Sequence[str]) -> Trust:
         """Return the trust after a line; names: of the axes, in capitals.
 
-        A line of other bytes than text, or one that is too long, is of another protocol, whose contents may hold what
-        looks like a command.
+        A line of other bytes than text, or one that is too long, is of another protocol, whose
+        contents may hold what looks like a command.
         """
         if self.known or self.shut:
             return self

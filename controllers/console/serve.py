@@ -1,8 +1,9 @@
 """The one loop over bytes, and who says what when.
 
-It waits for all links at once, hands their lines to the dispatcher, and its replies back. Lines of the console and of
-remote lines are taken in turn, while a motion is under way or not. A link that anything may have opened is first asked
-to speak the console's language: a web page's POST shall move nothing.
+It waits for all links at once, hands their lines to the dispatcher, and its replies back. Lines of
+the console and of remote lines are taken in turn, while a motion is under way or not. A link that
+anything may have opened is first asked to speak the console's language: a web page's POST shall
+move nothing.
 """
 
 from __future__ import annotations
@@ -65,23 +66,29 @@ class Dispatcher:
         return None if self.session.motion is None else self.session.motion.end
 
 
-def take_line(desk: Dispatcher, who: int, line: TextLine, t: float) -> tuple[Dispatcher, tuple[Reply, ...]]:
+def take_line(
+    desk: Dispatcher, who: int, line: TextLine, t: float
+) -> tuple[Dispatcher, tuple[Reply, ...]]:
     """With a line that has come from someone at t. It acts when what came before it is done.
 
-    STOP, WHERE and HELP act at once, and so does MAN on the console, which drops what remote lines wait with. Any line
-    but WHERE ends a jog.
+    STOP, WHERE and HELP act at once, and so does MAN on the console, which drops what remote lines
+    wait with. Any line but WHERE ends a jog.
     """
     desk, replies = advance_time(desk, t)
     words = None
     if not line.fault:
         with suppress(MisreadLine):  # said in its turn
             words = _read(desk.session, who, line)
-    outside = who != CONSOLE and desk.session.mode != "REM"  # it neither waits nor ends a jog, but may stop all
+    outside = (
+        who != CONSOLE and desk.session.mode != "REM"
+    )  # it neither waits nor ends a jog, but may stop all
     if desk.session.motion is None or (outside and not isinstance(words, Halt)):
         return _prepend_replies(replies, _run(desk, who, line, t))
     match words:
         case Halt():
-            return _prepend_replies(replies, _stop(replace(desk, told=tuple(dict.fromkeys((*desk.told, who)))), t))
+            return _prepend_replies(
+                replies, _stop(replace(desk, told=tuple(dict.fromkeys((*desk.told, who)))), t)
+            )
         case Where():
             return desk, (*replies, (who, describe_registers(desk.session, t)))
         case Help() if not desk.session.jogging:
@@ -98,11 +105,15 @@ def take_line(desk: Dispatcher, who: int, line: TextLine, t: float) -> tuple[Dis
 
 
 def advance_time(desk: Dispatcher, t: float) -> tuple[Dispatcher, tuple[Reply, ...]]:
-    """With the time come to t: a motion that ended is told of, and what waited for it is begun, as far as that goes."""
+    """With the time come to t: a motion that ended is told of, and what waited for it is begun, as
+    far as that goes.
+    """
     replies: tuple[Reply, ...] = ()
     while desk.end is not None and desk.end <= t:
         now, session = desk.end, desk.session.finish_motion()
-        text = f"STOPPED {session.describe(now)}" if desk.stopped or desk.session.jogging else "DONE"
+        text = (
+            f"STOPPED {session.describe(now)}" if desk.stopped or desk.session.jogging else "DONE"
+        )
         replies = (*replies, *((who, text) for who in desk.told))
         desk = replace(desk, session=session, told=(), stopped=False)
         while desk.waiting and desk.session.motion is None:
@@ -122,7 +133,9 @@ def _read(session: Session, who: int, line: TextLine) -> Words:
     return (parse_operator_line if who == CONSOLE else remote)(line.text, session.drives.names)
 
 
-def _run(desk: Dispatcher, who: int, line: TextLine, t: float) -> tuple[Dispatcher, tuple[Reply, ...]]:
+def _run(
+    desk: Dispatcher, who: int, line: TextLine, t: float
+) -> tuple[Dispatcher, tuple[Reply, ...]]:
     session = desk.session
     try:
         if line.fault:
@@ -148,7 +161,9 @@ def _allow(session: Session, who: int, words: Words) -> None:
     if isinstance(words, (Halt, Where, Help)):
         return
     if who != CONSOLE and session.mode != "REM":
-        raise MotionError(f"the console is in mode {session.mode}; give REM there for remote control")
+        raise MotionError(
+            f"the console is in mode {session.mode}; give REM there for remote control"
+        )
     if who == CONSOLE and session.mode == "REM" and not isinstance(words, Switch):
         raise MotionError("the remote line has control; MAN returns to manual mode")
 
@@ -162,8 +177,12 @@ def _stop(desk: Dispatcher, t: float) -> tuple[Dispatcher, tuple[Reply, ...]]:
     return replace(desk, session=session, stopped=True), replies
 
 
-def _drop_waiting(desk: Dispatcher, whose: Callable[[int], bool], by: str) -> tuple[Dispatcher, tuple[Reply, ...]]:
-    gone = tuple((who, f"{ERROR} dropped by {by}; no motion") for who, _ in desk.waiting if whose(who))
+def _drop_waiting(
+    desk: Dispatcher, whose: Callable[[int], bool], by: str
+) -> tuple[Dispatcher, tuple[Reply, ...]]:
+    gone = tuple(
+        (who, f"{ERROR} dropped by {by}; no motion") for who, _ in desk.waiting if whose(who)
+    )
     kept = tuple(pair for pair in desk.waiting if not whose(pair[0]))
     return replace(desk, waiting=kept), gone
 
@@ -177,14 +196,20 @@ def _prepend_replies(
 MAX_WAIT = 0.05
 """s after which links that have opened are looked for at the latest."""
 MAX_UNREAD_BYTES = 65536
-"""Bytes that wait for a reader at most. A client that takes none of them is shut out; of a serial line, which cannot be
-opened again, further replies are dropped, and it is read on: its next line may be STOP."""
+"""Bytes that wait for a reader at most.
+
+A client that takes none of them is shut out; of a serial line, which cannot be opened again,
+further replies are dropped, and it is read on: its next line may be STOP.
+"""
 FIRST_COMMAND_TIME = 10.0
-"""s that a client has for its first command: there are few places, and a silent client keeps others out."""
+"""s that a client has for its first command: there are few places, and a silent client keeps others
+out.
+"""
 
 
 class Clock:
-    """The session's time, s: that of the wall, without what planning takes; or without any waiting at all (`fast`).
+    """The session's time, s: that of the wall, without what planning takes; or without any waiting
+    at all (`fast`).
 
     read  the wall's, s
     """
@@ -209,7 +234,8 @@ class Clock:
 
 @dataclass(slots=True, eq=False)
 class ServedLink:
-    """A link while it is served: its number, its line so far, lines it has yet to say, and what it has not taken.
+    """A link while it is served: its number, its line so far, lines it has yet to say, and what it
+    has not taken.
 
     over   whether it has come to its end: it is still told what becomes of its lines
     trust  what its lines have shown it to be
@@ -229,11 +255,13 @@ class ServedLink:
 class Server:
     """A desk and those who talk to it. Holds what changes: the desk, a value, and the open links.
 
-    A pipe is read like a script, each line when what came before is done; STOP, and any line during a jog, at once.
+    A pipe is read like a script, each line when what came before is done; STOP, and any line during
+    a jog, at once.
 
     refused  how many of the console's lines did nothing
     unwritten  why the console's replies cannot be written any more; None: they can
-    save  is told of the desk and the time whenever a motion begins or ends, or what is known of home changes
+    save  is told of the desk and the time whenever a motion begins or ends, or what is known of
+          home changes
     echo  is told what happens to remote lines: connected, gone
     """
 
@@ -256,7 +284,9 @@ class Server:
     @property
     def script_left(self) -> bool:
         """Whether the console has more to say."""
-        return any(served.who == CONSOLE and (served.held or not served.over) for served in self._links)
+        return any(
+            served.who == CONSOLE and (served.held or not served.over) for served in self._links
+        )
 
     @property
     def is_idle(self) -> bool:
@@ -357,12 +387,19 @@ class Server:
 
     def _owes(self, served: ServedLink) -> bool:
         """Whether someone is still to be answered."""
-        return bool(served.held) or served.who in (*self.desk.told, *(who for who, _ in self.desk.waiting))
+        return bool(served.held) or served.who in (
+            *self.desk.told,
+            *(who for who, _ in self.desk.waiting),
+        )
 
     def _take(self, done: tuple[Dispatcher, tuple[Reply, ...]]) -> None:
         before, (self.desk, replies) = self.desk.session, done
         after = self.desk.session
-        if after.motion is not before.motion or after.counts is not before.counts or after.homed is not before.homed:
+        if (
+            after.motion is not before.motion
+            or after.counts is not before.counts
+            or after.homed is not before.homed
+        ):
             self._save(self.desk, self.clock.now)
         if after.motion is not None and after.motion is not before.motion:
             self.clock.excuse()

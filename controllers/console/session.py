@@ -17,7 +17,9 @@ from kinematics.machine.pose import Pose
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OfferedRegisters:
-    """The last known counters (n,) int64, those at which the registers were 0, and of which axes they are known."""
+    """The last known counters (n,) int64, those at which the registers were 0, and of which axes
+    they are known.
+    """
 
     counts: np.ndarray
     zero: np.ndarray
@@ -32,14 +34,17 @@ class OfferedRegisters:
 class Session:
     """What the controller knows between two lines.
 
-    Two things are kept apart. The counter says where the slide is in its travel, in pulses from travel's zero, the
-    home switch. The register is the operator's: steps of the motor, clockwise positive, from where HOME was last said,
-    or else from where the session began; that may be any place of the travel.
+    Two things are kept apart. The counter says where the slide is in its travel, in pulses from
+    travel's zero, the home switch. The register is the operator's: steps of the motor, clockwise
+    positive, from where HOME was last said, or else from where the session began; that may be any
+    place of the travel.
 
     counts   (n,) int64, the card's counters where no motion is under way
-    homed    (n,) bool, whether counters are known to count from travel's zero: only then do its ends hold
+    homed    (n,) bool, whether counters are known to count from travel's zero: only then do its
+             ends hold
     zero     (n,) int64, the counters at which the registers are 0
-    least, most  (n,) int64, between which the counters have been since the session began: of an axis whose place is
+    least, most  (n,) int64, between which the counters have been since the session began: of an
+                 axis whose place is
              not known, all that was within one travel
     offered  what a restart offers to ACCEPT; None: nothing (any more)
     motion   the one under way; jogging: whether it is a jog, which any line ends
@@ -76,7 +81,8 @@ class Session:
     def window(self) -> tuple[np.ndarray, np.ndarray]:
         """Counters (n,) between which each axis may go: its travel's ends, where they are known.
 
-        Where they are not, as far as one travel reaches around all places at which the axis has been.
+        Where they are not, as far as one travel reaches around all places at which the axis has
+        been.
         """
         low, high = self.drives.reach()
         length = high - low
@@ -97,7 +103,9 @@ class Session:
 
     def unknown(self) -> tuple[str, ...]:
         """The axes that are not homed."""
-        return tuple(name for name, homed in zip(self.drives.names, self.homed, strict=True) if not homed)
+        return tuple(
+            name for name, homed in zip(self.drives.names, self.homed, strict=True) if not homed
+        )
 
     def begin_motion(self, motion: SessionMotion, jogging: bool = False) -> Session:
         """With a motion begun, or another in its place; what was offered no longer is."""
@@ -112,7 +120,9 @@ class Session:
         return replace(self, counts=counts, least=least, most=most, motion=None, jogging=False)
 
     def place_axes(self, axes: Sequence[int], counts: np.ndarray) -> Session:
-        """With axes known to stand at counters (n,) of their travel, where their registers are 0."""
+        """With axes known to stand at counters (n,) of their travel, where their registers are
+        0.
+        """
         chosen = np.isin(np.arange(len(self.counts)), axes)
         moved = np.where(chosen, counts - self.counts, 0)
         return replace(
@@ -127,7 +137,9 @@ class Session:
     def describe(self, t: float) -> str:
         """The registers, as "X 100 Y ?-40": a ? before what does not count from home."""
         values = zip(self.drives.names, self.homed, self.registers(t), strict=True)
-        return " ".join(f"{name} {'' if homed else '?'}{register}" for name, homed, register in values)
+        return " ".join(
+            f"{name} {'' if homed else '?'}{register}" for name, homed, register in values
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +171,10 @@ def snapshot_session(session: Session, t: float) -> SavedSession:
         counters, known = np.where(known, counters, last.counts), known | last.known
     return SavedSession(
         session.machine.name,
-        {name: axis.pulse * axis.direction for name, axis in zip(names, session.machine.axes, strict=True)},
+        {
+            name: axis.pulse * axis.direction
+            for name, axis in zip(names, session.machine.axes, strict=True)
+        },
         dict(zip(names, registers.tolist(), strict=True)),
         dict(zip(names, counters.tolist(), strict=True)),
         dict(zip(names, known.tolist(), strict=True)),
@@ -168,7 +183,8 @@ def snapshot_session(session: Session, t: float) -> SavedSession:
 
 
 def open_session(machine: Machine, last: SavedSession | None = None) -> Session:
-    """A session at power-up: manual, no axis homed, the last known registers offered where they were known.
+    """A session at power-up: manual, no axis homed, the last known registers offered where they
+    were known.
 
     Raises MotionError for a machine that cannot be driven so, and for what was saved of another.
     """
@@ -184,10 +200,14 @@ def open_session(machine: Machine, last: SavedSession | None = None) -> Session:
         )
     known = np.array([last.homed[name] and not last.moving[name] for name in drives.names])
     counts, registers = (
-        np.array([of[name] for name in drives.names], np.int64) for of in (last.counters, last.registers)
+        np.array([of[name] for name in drives.names], np.int64)
+        for of in (last.counters, last.registers)
     )
     low, high = drives.reach()
     known &= (counts >= low) & (counts <= high)
     return replace(
-        session, offered=OfferedRegisters(counts, counts - drives.signs * registers, known) if known.any() else None
+        session,
+        offered=OfferedRegisters(counts, counts - drives.signs * registers, known)
+        if known.any()
+        else None,
     )

@@ -1,4 +1,5 @@
-"""What the simulation asks of axes of one kind of drive, in lanes: runs by axes (B, n); and the rotor that all share.
+"""What the simulation asks of axes of one kind of drive, in lanes: runs by axes (B, n); and the
+rotor that all share.
 
 A rotor is an inertia with viscous and Coulomb friction under a held torque, in closed form.
 """
@@ -17,8 +18,9 @@ from kinematics.foundation.kernels import FixedStrided1, kernel
 
 @dataclass(frozen=True, slots=True)
 class AxesResponse:
-    """What axes did, (K, B, n) at the samples kept: true position of the output, the encoder's reading of it or of the
-    motor, speed of the motor, and torque."""
+    """What axes did, (K, B, n) at the samples kept: true position of the output, the encoder's
+    reading of it or of the motor, speed of the motor, and torque.
+    """
 
     position: Array
     reading: Array
@@ -31,7 +33,9 @@ class AxesResponse:
 
 
 class Axes(Protocol):
-    """Axes of one kind of drive; what becomes of them is passed from call to call as a state of the kind's own."""
+    """Axes of one kind of drive; what becomes of them is passed from call to call as a state of the
+    kind's own.
+    """
 
     @property
     def sample(self) -> float:
@@ -44,14 +48,18 @@ class Axes(Protocol):
         """(B, n) what the host reads of the encoders."""
 
     def run(self, state: Any, command: Array, kept: np.ndarray) -> tuple[AxesResponse, Any]:
-        """Over N samples of the position command (N, B, n); of these, those at the indices `kept` are told of."""
+        """Over N samples of the position command (N, B, n); of these, those at the indices `kept`
+        are told of.
+        """
 
     def count_lost_steps(self, state: Any) -> np.ndarray:
         """(B, n) int64 full steps lost until now."""
 
 
 def read_encoder(encoder: Array, x: Array) -> Array:
-    """The encoders' readings of positions x (…), in the coordinate: whole counts, within half a count of x."""
+    """The encoders' readings of positions x (…), in the coordinate: whole counts, within half a
+    count of x.
+    """
     return np.asarray(np.rint(x * encoder) / encoder)
 
 
@@ -88,12 +96,14 @@ def rotor(inertia: Array, friction: Array, coulomb: Array, h: float) -> Rotor:
 
 
 @kernel
-def advance(h: float, rotor: FixedStrided1, x: float, v: float, torque: float) -> tuple[float, float]:
+def advance(
+    h: float, rotor: FixedStrided1, x: float, v: float, torque: float
+) -> tuple[float, float]:
     """x and v of one lane, whose rotor is (7,), a time h on under a torque.
 
-    A lane that stands, or comes to a stand within h, goes by way of rest: from there it moves on only if the torque
-    exceeds the Coulomb friction, and it cannot stop again, since the torque is held. Without Coulomb friction its speed
-    may change its sign on the way.
+    A lane that stands, or comes to a stand within h, goes by way of rest: from there it moves on
+    only if the torque exceeds the Coulomb friction, and it cannot stop again, since the torque is
+    held. Without Coulomb friction its speed may change its sign on the way.
     """
     inertia, friction, coulomb, gx, hx, gv, hv = rotor
     push = torque - math.copysign(coulomb, v)
@@ -114,12 +124,14 @@ def _step_through_rest(
 ) -> tuple[float, float]:
     """Way and speed after h, of a lane that stands or comes to a stand within it.
 
-    v = 0 is reached after t = log(1 + a w)/a with a = b/J and w = −v J/u, which is t = w without viscous friction.
+    v = 0 is reached after t = log(1 + a w)/a with a = b/J and w = −v J/u, which is t = w without
+    viscous friction.
     """
     a = friction / inertia
     t = way = 0.0
     push = torque - math.copysign(coulomb, v)
-    # what neither stands nor is braked came here by a product of speeds that is too small for a float: it stands
+    # what neither stands nor is braked came here by a product of speeds that is too small for a
+    # float: it stands
     if push != 0 and v != 0 and (push > 0) != (v > 0):
         w = min(-v * inertia / push, MAX_BRAKING_TIME)
         # below 1e-9 the first two terms of the logarithm are exact to rounding

@@ -1,4 +1,6 @@
-"""Tables of drives in a rig's TOML, in terms of the motor's shaft, and the drives in the axis' coordinate they make."""
+"""Tables of drives in a rig's TOML, in terms of the motor's shaft, and the drives in the axis'
+coordinate they make.
+"""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
@@ -29,7 +31,9 @@ class Gear(TableSchema):
     ratio: Annotated[float, Field(gt=0, le=1e6), AllowInfNan(False)] = key(
         "revolutions of the motor per revolution of the axis"
     )
-    play: Annotated[float, Unit("rad", least=0, like="3 arcmin")] = key("backlash at the axis", default=0.0)
+    play: Annotated[float, Unit("rad", least=0, like="3 arcmin")] = key(
+        "backlash at the axis", default=0.0
+    )
 
     @property
     def travel(self) -> float:
@@ -40,8 +44,12 @@ class Gear(TableSchema):
 class Screw(TableSchema):
     """Travel of the axis for one turn of the motor; play at the axis."""
 
-    lead: Annotated[float, Unit("m", above=0, like="2 mm")] = key("travel per revolution of the motor")
-    play: Annotated[float, Unit("m", least=0, like="10 um")] = key("backlash at the axis", default=0.0)
+    lead: Annotated[float, Unit("m", above=0, like="2 mm")] = key(
+        "travel per revolution of the motor"
+    )
+    play: Annotated[float, Unit("m", least=0, like="10 um")] = key(
+        "backlash at the axis", default=0.0
+    )
 
     @property
     def travel(self) -> float:
@@ -49,7 +57,9 @@ class Screw(TableSchema):
 
 
 class DriveTable(TableSchema):
-    """What drives of every kind have, as far as it is stated; torques, inertias and speeds are the motor's."""
+    """What drives of every kind have, as far as it is stated; torques, inertias and speeds are the
+    motor's.
+    """
 
     needed: ClassVar[tuple[str, ...]] = ("rotor_inertia",)
 
@@ -93,13 +103,26 @@ class ServoTable(DriveTable):
     feedback: Literal["motor", "output"] | None = key(
         "position of the encoder: at the motor or at the output", default=None
     )
-    command_delay: Samples | None = key("delay of the command, in samples of the drive", default=None)
-    loop_delay: Samples | None = key("delay of the control loop, in samples of the drive", default=None)
+    command_delay: Samples | None = key(
+        "delay of the command, in samples of the drive", default=None
+    )
+    loop_delay: Samples | None = key(
+        "delay of the control loop, in samples of the drive", default=None
+    )
 
     @staticmethod
     def drive(values: Mapping[str, Any], r: float, common: Mapping[str, Any]) -> Servo:
-        loops = ("position_gain", "speed_loop", "integral_time", "feedback", "command_delay", "loop_delay")
-        return Servo(torque_limit=values["torque_limit"] / r, **_pick_stated(values, *loops), **common)
+        loops = (
+            "position_gain",
+            "speed_loop",
+            "integral_time",
+            "feedback",
+            "command_delay",
+            "loop_delay",
+        )
+        return Servo(
+            torque_limit=values["torque_limit"] / r, **_pick_stated(values, *loops), **common
+        )
 
 
 class StepperTable(DriveTable):
@@ -107,9 +130,13 @@ class StepperTable(DriveTable):
 
     needed: ClassVar[tuple[str, ...]] = (*DriveTable.needed, "steps", "torque_speed")
 
-    steps: Annotated[int, Field(gt=0, le=10**9)] | None = key("full steps per revolution; needed", "200", None)
+    steps: Annotated[int, Field(gt=0, le=10**9)] | None = key(
+        "full steps per revolution; needed", "200", None
+    )
     torque_speed: Curve | None = key(
-        "peak torque at each motor speed, from 0; needed", '[["0 rpm", "0.3 N*m"], ["3000 rpm", "0.1 N*m"]]', None
+        "peak torque at each motor speed, from 0; needed",
+        '[["0 rpm", "0.3 N*m"], ["3000 rpm", "0.1 N*m"]]',
+        None,
     )
     damping: Annotated[float, Unit("N*m*s/rad", least=0, like="5e-4 N*m*s/rad")] | None = key(
         "damping of the slip between rotor and field", default=None
@@ -122,16 +149,22 @@ class StepperTable(DriveTable):
         return Stepper(torque_speed=curve, full_step=full_step, damping=damping, **common)
 
 
-KINDS: dict[str, type[ServoTable] | type[StepperTable]] = {"servo": ServoTable, "stepper": StepperTable}
+KINDS: dict[str, type[ServoTable] | type[StepperTable]] = {
+    "servo": ServoTable,
+    "stepper": StepperTable,
+}
 """Kinds of drive by the name of their table."""
 TRANSMISSION = {"rotary": "gear", "linear": "screw"}
 """What leads from the motor to an axis of a kind."""
 
 
 def drive_of(kind: str, axis: Axis, values: Mapping[str, Any]) -> Servo | Stepper:
-    """The drive behind an axis, from the values of its table. With r the axis' travel per radian of the motor:
+    """The drive behind an axis, from the values of its table.
 
-    J = rotor inertia · (1 + inertia ratio)/r²;  b, d by 1/r²;  torques by 1/r;  speeds by r;  counts by 1/(2π r).
+    With r the axis' travel per radian of the motor:
+
+    J = rotor inertia · (1 + inertia ratio)/r²;  b, d by 1/r²;  torques by 1/r;  speeds by r;
+                                                 counts by 1/(2π r).
     """
     transmission = values[TRANSMISSION[axis.kind]]
     r = transmission.travel

@@ -1,4 +1,6 @@
-"""A stepper axis: a rotor that hangs on to a field, which the pulses turn; as data, and at work, sample by sample."""
+"""A stepper axis: a rotor that hangs on to a field, which the pulses turn; as data, and at work,
+sample by sample.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controllers.drives.axes import AxesResponse, Rotor, advance, apply_play, read_encoder, rotor, stack_values
+from controllers.drives.axes import (
+    AxesResponse,
+    Rotor,
+    advance,
+    apply_play,
+    read_encoder,
+    rotor,
+    stack_values,
+)
 from kinematics.foundation.arrays import Array, finite_array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.kernels import (
@@ -25,25 +35,30 @@ from kinematics.foundation.kernels import (
 
 @dataclass(frozen=True, slots=True)
 class Stepper:
-    """One open-loop stepper axis in the coordinate of its output: metres and newtons, or radians and newton metres.
+    """One open-loop stepper axis in the coordinate of its output: metres and newtons, or radians
+    and newton metres.
 
-    With x the position, v the speed and r the field's position, which runs straight from the count of one sample of the
-    drive to that of the next:
+    With x the position, v the speed and r the field's position, which runs straight from the count
+    of one sample of the drive to that of the next:
 
         torque   τ = −T(|ṙ|) sin(π/2 · (x − r)/full step) − d (v − ṙ)
         rotor    J v̇ = τ − b v − c sign(v); at rest it sticks while |τ| ≤ c
 
-    So the rotor has a stable place every four full steps: when the torque is exceeded it falls behind by four, or a
-    multiple of it, and what it lost stays lost. Assumed: the torque curve is that of the rate of steps, not of the
-    rotor's speed; the drive's microsteps make the field turn evenly; the play is kinematic, as a servo's.
+    So the rotor has a stable place every four full steps: when the torque is exceeded it falls
+    behind by four, or a multiple of it, and what it lost stays lost. Assumed: the torque curve is
+    that of the rate of steps, not of the rotor's speed; the drive's microsteps make the field turn
+    evenly; the play is kinematic, as a servo's.
 
-    torque_speed   ((speed, torque), …) speeds rising from 0: the peak torque at a rate of steps; none beyond the last
+    torque_speed   ((speed, torque), …) speeds rising from 0: the peak torque at a rate of steps;
+                   none beyond the last
     full_step      m or rad
     inertia        J, kg or kg·m², load included
-    damping        d, against slip between rotor and field; friction  b, viscous; both N·s/m or N·m·s/rad
+    damping        d, against slip between rotor and field; friction  b, viscous; both N·s/m or
+                   N·m·s/rad
     coulomb        c, N or N·m
     play           m or rad between motor and output
-    encoder        counts per m or rad, which the host may read; 0: there is none, and it reads the pulses sent
+    encoder        counts per m or rad, which the host may read; 0: there is none, and it reads the
+                   pulses sent
     sample         s, period at which the field's course is set
     """
 
@@ -59,17 +74,33 @@ class Stepper:
 
     def __post_init__(self) -> None:
         curve = finite_array(self.torque_speed, "stepper: torque_speed", (None, 2), least=0.0)
-        if len(curve) < 2 or curve[0, 0] != 0 or (np.diff(curve[:, 0]) <= 0).any() or curve[0, 1] == 0:
+        if (
+            len(curve) < 2
+            or curve[0, 0] != 0
+            or (np.diff(curve[:, 0]) <= 0).any()
+            or curve[0, 1] == 0
+        ):
             raise MotionError(
                 f"stepper: torque_speed {self.torque_speed} must be two or more points, speeds rising from 0, "
                 "with a torque at rest"
             )
         object.__setattr__(self, "torque_speed", tuple(map(tuple, curve.tolist())))
-        for name in ("full_step", "inertia", "damping", "friction", "coulomb", "play", "encoder", "sample"):
+        for name in (
+            "full_step",
+            "inertia",
+            "damping",
+            "friction",
+            "coulomb",
+            "play",
+            "encoder",
+            "sample",
+        ):
             value = getattr(self, name)
             lowest = np.finfo(float).tiny if name in ("full_step", "inertia", "sample") else 0.0
             if not lowest <= value < float("inf"):
-                raise MotionError(f"stepper: {name} {value} must be finite, and {'above' if lowest else 'not below'} 0")
+                raise MotionError(
+                    f"stepper: {name} {value} must be finite, and {'above' if lowest else 'not below'} 0"
+                )
         if self.swing * self.sample > 1.0:
             raise MotionError(
                 f"stepper: sample {self.sample} s is too long for a rotor that swings at {self.swing:.4g} rad/s; "
@@ -97,16 +128,20 @@ class Stepper:
 
 
 SUBSTEPS = 4
-"""Parts of a sample within which the torque is held, at its value in the middle: a rotor swings at its own frequency to
-(ω h)²/24, which is 3e-4 where `Stepper` allows the least."""
+"""Parts of a sample within which the torque is held, at its value in the middle: a rotor swings at
+its own frequency to (ω h)²/24, which is 3e-4 where `Stepper` allows the least.
+"""
 SLIP_TURNS = 0.75
-"""Turns of the field against the rotor at which a slip is counted: half-way to the next stable place lies the unstable
-one, and swinging beyond it for a moment is none."""
+"""Turns of the field against the rotor at which a slip is counted: half-way to the next stable
+place lies the unstable one, and swinging beyond it for a moment is none.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class StepperState:
-    """Rotor x, output y, speed v, field r, the field's turn that the rotor is in, and how many it lost, all (B, n)."""
+    """Rotor x, output y, speed v, field r, the field's turn that the rotor is in, and how many it
+    lost, all (B, n).
+    """
 
     x: Array
     y: Array
@@ -121,7 +156,9 @@ class StepperState:
 
 @dataclass(frozen=True, slots=True)
 class StepperAxes:
-    """Steppers as lanes (B, n); bends (P, 2, B, n): speed, and by how much the torque curve's slope changes there."""
+    """Steppers as lanes (B, n); bends (P, 2, B, n): speed, and by how much the torque curve's slope
+    changes there.
+    """
 
     sample: float
     rotor: Rotor
@@ -142,11 +179,22 @@ class StepperAxes:
         there = self.encoder > 0
         return np.where(there, read_encoder(np.where(there, self.encoder, 1.0), state.x), state.r)
 
-    def run(self, state: StepperState, command: Array, kept: np.ndarray) -> tuple[AxesResponse, StepperState]:
+    def run(
+        self, state: StepperState, command: Array, kept: np.ndarray
+    ) -> tuple[AxesResponse, StepperState]:
         x, y, v, r, turn, slips = (getattr(state, name).copy() for name in StepperState.__slots__)
         told = np.empty((4, len(kept), *x.shape))
         _follow_field(
-            np.stack([self.full_step, self.damping, self.encoder, self.half_play, self.peak, self.fastest]),
+            np.stack(
+                [
+                    self.full_step,
+                    self.damping,
+                    self.encoder,
+                    self.half_play,
+                    self.peak,
+                    self.fastest,
+                ]
+            ),
             self.bends,
             self.sample,
             (self.rotor.h, self.rotor.lanes),
@@ -179,10 +227,13 @@ def _follow_field(
     state: tuple[Floats2, Floats2, Floats2, Floats2, Floats2, Floats2],
     record: tuple[Ints1, Floats4],
 ) -> None:
-    """`Stepper`'s rotor over N commands (N, B, n), lane by lane; `state` as of `StepperState`, written anew.
+    """`Stepper`'s rotor over N commands (N, B, n), lane by lane; `state` as of `StepperState`,
+    written anew.
 
-    drives  (6, B, n): full step, damping, encoder, half the play, torque at rest, the rate without torque
-    record  the samples to tell of (K,), and of these y, what is read, v and the field's torque (4, K, B, n)
+    drives  (6, B, n): full step, damping, encoder, half the play, torque at rest, the rate without
+            torque
+    record  the samples to tell of (K,), and of these y, what is read, v and the field's torque (4,
+            K, B, n)
     """
     h, rotors = rotor
     kept, told = record
@@ -216,7 +267,10 @@ def _follow_field(
 
 
 def stepper_axes(drives: Sequence[Sequence[Stepper]], sample: float) -> StepperAxes:
-    """B rows of one stepper per axis, as lanes. The damping acts as friction against a field that stands."""
+    """B rows of one stepper per axis, as lanes.
+
+    The damping acts as friction against a field that stands.
+    """
     damping = stack_values("damping", drives)
     curves = [[np.array(stepper.torque_speed) for stepper in row] for row in drives]
     longest = max(len(curve) for row in curves for curve in row)

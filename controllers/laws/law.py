@@ -1,9 +1,10 @@
-"""What a tracking law is: at each step of the host, the next command from the reference and the feedback.
+"""What a tracking law is: at each step of the host, the next command from the reference and the
+feedback.
 
 One that remembers gets its memory of the step before as well.
 
-Its gains are a number each, or one for each run of a batch. A stretch of command whose speed is a straight line goes to
-the card as one command.
+Its gains are a number each, or one for each run of a batch. A stretch of command whose speed is a
+straight line goes to the card as one command.
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ Grid = Mapping[str, tuple[float, ...]]
 
 
 def check_gain(law: str, name: str, value: Gain, advice: str) -> Gain:
-    """The gain as a float or a read-only array. Raises MotionError unless finite, and a number or (B, 1)."""
+    """The gain as a float or a read-only array.
+
+    Raises MotionError unless finite, and a number or (B, 1).
+    """
     values = numeric_array(value)
     if values is None:
         raise MotionError(
@@ -51,7 +55,8 @@ def format_gain(value: Gain) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The planned motion as the host holds it, whole and beforehand: samples at k·dt of every axis, then rest.
+    """The planned motion as the host holds it, whole and beforehand: samples at k·dt of every axis,
+    then rest.
 
     dt        s
     position  (N + 1, n) pulses from home, unrounded
@@ -67,11 +72,15 @@ class Reference:
         if not finite_array(self.dt, "reference: dt", (), unit="s") > 0:
             raise MotionError(f"reference: dt {self.dt} s must be above 0")
         for name, unit in (("position", "pulses"), ("speed", "pulses/s")):
-            samples = finite_array(getattr(self, name), f"reference: {name}", (None, None), unit=unit)
+            samples = finite_array(
+                getattr(self, name), f"reference: {name}", (None, None), unit=unit
+            )
             object.__setattr__(self, name, freeze_array(samples))
         if not self.position.size or self.position.shape != self.speed.shape:
             shapes = f"{self.position.shape} and {self.speed.shape}"
-            raise MotionError(f"reference: position and speed are {shapes}; give one speed for each position")
+            raise MotionError(
+                f"reference: position and speed are {shapes}; give one speed for each position"
+            )
         sign = np.where(np.abs(self.speed) > _REST_SPEED, np.sign(self.speed), 0.0)
         last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign))[:, None], 0))
         object.__setattr__(self, "_heading", freeze_array(np.take_along_axis(sign, last, 0)))
@@ -82,9 +91,11 @@ class Reference:
         return len(self.position) - 1
 
     def ang(self, k: int | np.ndarray) -> Array:
-        """Reference position (n,), whole pulses, at k·dt; the last one afterwards. k (B,), a step of each run: (B, n).
+        """Reference position (n,), whole pulses, at k·dt; the last one afterwards. k (B,), a step
+        of each run: (B, n).
 
-        Whole, since a feedback law that chased a share of a pulse would never come to rest at the end.
+        Whole, since a feedback law that chased a share of a pulse would never come to rest at the
+        end.
         """
         return np.rint(self.position[np.minimum(k, self.steps)])
 
@@ -94,18 +105,27 @@ class Reference:
         return np.where(np.asarray(k)[..., None] <= self.steps, speed, 0.0)
 
     def heading(self, t: Array) -> Array:
-        """±1 by the way that each axis runs at t, or ran before it came to rest; 0 before it moves. t as `between`."""
+        """±1 by the way that each axis runs at t, or ran before it came to rest; 0 before it moves.
+        t as `between`.
+        """
         speed = self.between(t, before=True)[1]
         k = np.clip(np.floor(t / self.dt + 1e-9), 0, self.steps).astype(int)
-        return np.where(np.abs(speed) > _REST_SPEED, np.sign(speed), self._heading[k, np.arange(speed.shape[-1])])
+        return np.where(
+            np.abs(speed) > _REST_SPEED,
+            np.sign(speed),
+            self._heading[k, np.arange(speed.shape[-1])],
+        )
 
     def between(self, t: Array, *, before: bool = False) -> tuple[Array, Array, Array]:
-        """Return position, speed and acceleration at any instants t (…, n), s, which may differ by axis.
+        """Return position, speed and acceleration at any instants t (…, n), s, which may differ by
+        axis.
 
-        The cubic through the positions and speeds of the samples on both sides: within dt⁴/384 · |r⁗| of the motion
-        where that is smooth between them. Rest before the first and after the last sample.
+        The cubic through the positions and speeds of the samples on both sides: within dt⁴/384 ·
+        |r⁗| of the motion where that is smooth between them. Rest before the first and after the
+        last sample.
 
-        before  at a sample itself the acceleration jumps: the one before it instead of the one after
+        before  at a sample itself the acceleration jumps: the one before it instead of the one
+                after
         """
         at = t / self.dt
         # an instant that rounding has put beside a sample is at it
@@ -128,11 +148,13 @@ _REST_SPEED = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Feedback:
-    """What the host reads as step k begins, which is the end of step k − 1; arrays (…) as the card's lanes.
+    """What the host reads as step k begins, which is the end of step k − 1; arrays (…) as the
+    card's lanes.
 
     position  pos(k − 1), pulses: the encoders, latched
-    speed     v(k − 1), pulses/s: the change of `position` over the step that ends here, divided by its time; or the
-              card's output rate now, as the host is set (`controllers.rig.Host.speed_from`)
+    speed     v(k − 1), pulses/s: the change of `position` over the step that ends here, divided by
+              its time; or the card's output rate now, as the host is set
+              (`controllers.rig.Host.speed_from`)
     counter   the card's own position counter, pulses
     Raises MotionError for what is no numbers, and arrays of different shapes.
     """
@@ -144,20 +166,26 @@ class Feedback:
     def __post_init__(self) -> None:
         for name, unit in (("position", "pulses"), ("speed", "pulses/s"), ("counter", "pulses")):
             given = getattr(self, name)
-            if type(given) is not np.ndarray or given.dtype.kind != "f":  # one is made for every step
+            if (
+                type(given) is not np.ndarray or given.dtype.kind != "f"
+            ):  # one is made for every step
                 object.__setattr__(self, name, finite_array(given, f"feedback: {name}", unit=unit))
         if not self.position.shape == self.speed.shape == self.counter.shape:
             shapes = f"{self.position.shape}, {self.speed.shape} and {self.counter.shape}"
-            raise MotionError(f"feedback: position, speed and counter are {shapes}; give one of each for every lane")
+            raise MotionError(
+                f"feedback: position, speed and counter are {shapes}; give one of each for every lane"
+            )
 
 
 class Law(Protocol):
-    """A tracking law. All axes, and all runs of a batch, are commanded at once; a law object never changes.
+    """A tracking law.
+
+    All axes, and all runs of a batch, are commanded at once; a law object never changes.
 
     One that has to remember something from step to step is a `StatefulLaw`.
 
-    Gains are numbers, or arrays (B, 1) with one value for each run of a batch. `grid` says which of the law's fields
-    are gains, and the values of each that reports sweep.
+    Gains are numbers, or arrays (B, 1) with one value for each run of a batch. `grid` says which of
+    the law's fields are gains, and the values of each that reports sweep.
     """
 
     @property
@@ -173,7 +201,9 @@ class Law(Protocol):
         """The law and its gains, for tables."""
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> Command:
-        """What to send at step k, in force until step k + 1 begins; k (B,) where runs are at steps of their own."""
+        """What to send at step k, in force until step k + 1 begins; k (B,) where runs are at steps
+        of their own.
+        """
 
 
 Memory = tuple[Array, ...]
@@ -182,10 +212,12 @@ Memory = tuple[Array, ...]
 
 @runtime_checkable
 class StatefulLaw(Protocol):
-    """A tracking law that remembers, as an integral does. Its memory is handed in and out and never kept in the law.
+    """A tracking law that remembers, as an integral does.
 
-    So every run begins afresh, runs of a batch do not mix, and the same run twice gives the same result. `host`, `grid`
-    and `name` are as of `Law`.
+    Its memory is handed in and out and never kept in the law.
+
+    So every run begins afresh, runs of a batch do not mix, and the same run twice gives the same
+    result. `host`, `grid` and `name` are as of `Law`.
     """
 
     @property
@@ -201,27 +233,39 @@ class StatefulLaw(Protocol):
     def step(
         self, k: int | np.ndarray, reference: Reference, feedback: Feedback, memory: Memory
     ) -> tuple[Command, Memory]:
-        """What to send, as `Law.command`, and the memory after it: as many arrays, of the same shapes, as before it."""
+        """What to send, as `Law.command`, and the memory after it: as many arrays, of the same
+        shapes, as before it.
+        """
 
 
 AnyLaw = Law | StatefulLaw
 
 
 def begin_law(law: AnyLaw, lanes: tuple[int, int]) -> Memory:
-    """The memory that a law begins with. Raises MotionError for one that does not fit runs and axes (B, n)."""
-    return _check_memory(law, "begin", law.begin(lanes), lanes) if isinstance(law, StatefulLaw) else ()
+    """The memory that a law begins with.
+
+    Raises MotionError for one that does not fit runs and axes (B, n).
+    """
+    return (
+        _check_memory(law, "begin", law.begin(lanes), lanes) if isinstance(law, StatefulLaw) else ()
+    )
 
 
 def step_law(
     law: AnyLaw, k: int | np.ndarray, reference: Reference, feedback: Feedback, memory: Memory
 ) -> tuple[Command, Memory]:
-    """The law's command and its memory afterwards. Raises MotionError for memory of another shape than before."""
+    """The law's command and its memory afterwards.
+
+    Raises MotionError for memory of another shape than before.
+    """
     if not isinstance(law, StatefulLaw):
         return law.command(k, reference, feedback), ()
     # of its own: what a law writes into it must not reach the runs that keep theirs as it was
     made: Any = law.step(k, reference, feedback, tuple(each.copy() for each in memory))
     if not isinstance(made, tuple) or len(made) != 2:
-        raise MotionError(f"law {law.name}: step must return the command and the memory, not {made!r:.80}")
+        raise MotionError(
+            f"law {law.name}: step must return the command and the memory, not {made!r:.80}"
+        )
     after = _check_memory(law, "step", made[1], np.shape(feedback.position))
     before = [np.shape(each) for each in memory]
     if [each.shape for each in after] != before:
@@ -248,7 +292,8 @@ def check_ramp(law: str, ramp: float) -> None:
 
 
 def trapezoid(target: Array, counter: Array, dt: float, share: float) -> TAMove:
-    """Return the move to `target` in exactly dt, from rest to rest, with ramps of a share of dt each.
+    """Return the move to `target` in exactly dt, from rest to rest, with ramps of a share of dt
+    each.
 
     target, counter  (…) pulses
     """
@@ -258,11 +303,12 @@ def trapezoid(target: Array, counter: Array, dt: float, share: float) -> TAMove:
 
 
 def ramp(target: Array, start: Array, end: Array, counter: Array, dt: float) -> TAMove:
-    """TAMove to `target` in exactly dt, the speed going from about `start` to about `end` (signed, pulses/s).
+    """TAMove to `target` in exactly dt, the speed going from about `start` to about `end` (signed,
+    pulses/s).
 
-    The speeds are both moved by what makes their mean (target − counter)/dt: so what rounding left undone before is
-    made up for here, and nothing adds up. A speed that then points the other way becomes zero and the other twice the
-    mean: one command of the card does not turn round.
+    The speeds are both moved by what makes their mean (target − counter)/dt: so what rounding left
+    undone before is made up for here, and nothing adds up. A speed that then points the other way
+    becomes zero and the other twice the mean: one command of the card does not turn round.
 
     target, counter  (…) pulses, the target rounded to whole ones
     """

@@ -1,4 +1,5 @@
-"""The axes as the host knows them that commands them: the drives' data sheet, never the plant of the day.
+"""The axes as the host knows them that commands them: the drives' data sheet, never the plant of
+the day.
 
 Their positions are a linear map of a command of straight-line speeds, exactly.
 """
@@ -24,14 +25,16 @@ class NominalAxes:
     """The axes of a rig as its maker states them, each (n,), or (1,) where all are alike.
 
     With c the card's command and x, v the axis' position and speed:
-    v̇ = ω (K (c − x) − v) + i − β v − γ sign v,  i̇ = (ω/T) (K (c − x) − v),  ẋ = v, `delay` later; the output stays
+    v̇ = ω (K (c − x) − v) + i − β v − γ sign v,  i̇ = (ω/T) (K (c − x) − v),  ẋ = v, `delay` later;
+                                                  the output stays
     behind x by half of `play`, whichever way it last went.
 
     position_gain     K, 1/s;  speed_loop  ω, rad/s;  integral_time  T, s
     friction          β, viscous friction by inertia, 1/s
     coulomb           γ, Coulomb friction by inertia, pulses/s²
     delay             s from a pulse of the card to the torque that it brings about
-    play              pulses between an encoder at the motor and the output; 0 where the encoder is at the output
+    play              pulses between an encoder at the motor and the output; 0 where the encoder is
+                      at the output
     max_speed         pulses/s;  max_acceleration  pulses/s²; infinite where the machine states none
     """
 
@@ -73,22 +76,32 @@ _MAY_BE_ZERO = ("friction", "coulomb", "delay", "play")
 
 
 def usual_axes() -> NominalAxes:
-    """What a law by model assumes without a rig, as `controllers.drives.servo.leg_servo`: [Sahbaz 2007, Table 7.4]."""
-    return NominalAxes(*np.array([[30.0], [2 * np.pi * 30.0], [30e-3], [5.0], [0.0], [0.0], [0.0], [INF], [INF]]))
+    """What a law by model assumes without a rig, as `controllers.drives.servo.leg_servo`: [Sahbaz
+    2007, Table 7.4].
+    """
+    return NominalAxes(
+        *np.array([[30.0], [2 * np.pi * 30.0], [30e-3], [5.0], [0.0], [0.0], [0.0], [INF], [INF]])
+    )
 
 
 def nominal_axes(rig: Rig) -> NominalAxes:
-    """The axes of a rig. It must be the rig as stated: what is tried on it, such as more inertia, a law cannot know.
+    """The axes of a rig.
 
-    A stepper's rotor stands where its pulses put it: it has no loops, whose gains are infinite then.
+    It must be the rig as stated: what is tried on it, such as more inertia, a law cannot know.
+
+    A stepper's rotor stands where its pulses put it: it has no loops, whose gains are infinite
+    then.
     """
-    numbers = [_numbers(drive, axis) for drive, axis in zip(rig.drives, rig.machine.axes, strict=True)]
+    numbers = [
+        _numbers(drive, axis) for drive, axis in zip(rig.drives, rig.machine.axes, strict=True)
+    ]
     return NominalAxes(*np.array(numbers).T)
 
 
 def _numbers(drive: Servo | Stepper, axis: Axis) -> tuple[float, ...]:
     top, rate = (
-        INF if of is None else float(np.min(of)) / axis.pulse for of in (axis.max_speed, axis.max_acceleration)
+        INF if of is None else float(np.min(of)) / axis.pulse
+        for of in (axis.max_speed, axis.max_acceleration)
     )
     play = drive.play / axis.pulse
     if isinstance(drive, Stepper):
@@ -97,7 +110,17 @@ def _numbers(drive: Servo | Stepper, axis: Axis) -> tuple[float, ...]:
     seen = play if drive.feedback == "motor" else 0.0
     loop, friction = 2 * np.pi * drive.speed_loop, drive.friction / drive.inertia
     coulomb = drive.coulomb / drive.inertia / axis.pulse
-    return (drive.position_gain, loop, drive.integral_time, friction, coulomb, delay, seen, top, rate)
+    return (
+        drive.position_gain,
+        loop,
+        drive.integral_time,
+        friction,
+        coulomb,
+        delay,
+        seen,
+        top,
+        rate,
+    )
 
 
 STATE_SIZE = 4
@@ -106,10 +129,12 @@ STATE_SIZE = 4
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """One step of n axes from the state s = (x, v, i, c): s⁺ = F s + G w, and at m instants x = C s + D w.
+    """One step of n axes from the state s = (x, v, i, c): s⁺ = F s + G w, and at m instants x = C s
+    + D w.
 
-    w = (v₀, v₁)·dt, pulses: the command's speeds at the step's start and end; c runs c₀ + (w₀ u + (w₁ − w₀) u²/2) over
-    the share u of the step. The m instants divide the step, the last is its end.
+    w = (v₀, v₁)·dt, pulses: the command's speeds at the step's start and end; c runs c₀ + (w₀ u +
+    (w₁ − w₀) u²/2) over the share u of the step. The m instants divide the step, the last is its
+    end.
 
     F (n, 4, 4)  G (n, 4, 2)  C (n, m, 4)  D (n, m, 2)
     """
@@ -120,13 +145,18 @@ class Response:
     D: Array
 
     def extend(self, steps: int) -> tuple[Array, Array]:
-        """The positions (n, steps·m) over several steps, O s + Γ w: O (n, steps·m, 4), Γ (n, steps·m, 2·steps)."""
+        """The positions (n, steps·m) over several steps, O s + Γ w: O (n, steps·m, 4), Γ (n,
+        steps·m, 2·steps).
+        """
         n, m, _ = self.C.shape
         through = np.zeros((n, STATE_SIZE, STATE_SIZE + 2 * steps))
         through[:, :, :STATE_SIZE] = np.eye(STATE_SIZE)
         rows = np.zeros((n, steps * m, STATE_SIZE + 2 * steps))
         for k in range(steps):
-            here, mine = slice(k * m, (k + 1) * m), slice(STATE_SIZE + 2 * k, STATE_SIZE + 2 * k + 2)
+            here, mine = (
+                slice(k * m, (k + 1) * m),
+                slice(STATE_SIZE + 2 * k, STATE_SIZE + 2 * k + 2),
+            )
             rows[:, here] = self.C @ through
             rows[:, here, mine] += self.D
             through = self.F @ through
@@ -135,9 +165,11 @@ class Response:
 
 
 def response(axes: NominalAxes, dt: float, instants: int) -> Response:
-    """The exact response over a step of dt seconds: the exponential of `NominalAxes`' equations with c a quadratic.
+    """The exact response over a step of dt seconds: the exponential of `NominalAxes`' equations
+    with c a quadratic.
 
-    Without the axes' delay, which shifts all of it in time, and without Coulomb friction, see `friction_response`.
+    Without the axes' delay, which shifts all of it in time, and without Coulomb friction, see
+    `friction_response`.
     """
     n = len(axes)
     # x, v, i, c and the command's speed and acceleration
@@ -157,7 +189,9 @@ def response(axes: NominalAxes, dt: float, instants: int) -> Response:
 
 
 def friction_response(axes: NominalAxes, tick: float, count: int) -> Array:
-    """x (n, count + 1) of axes at rest, every `tick` seconds after an outer torque of unit acceleration has set in."""
+    """x (n, count + 1) of axes at rest, every `tick` seconds after an outer torque of unit
+    acceleration has set in.
+    """
     n = len(axes)
     rates = np.zeros((n, STATE_SIZE + 1, STATE_SIZE + 1))
     rates[:, :STATE_SIZE, :STATE_SIZE] = _rates(axes)
@@ -169,7 +203,8 @@ def _rates(axes: NominalAxes) -> Array:
     """The derivative (n, 4, 4) of the state by itself."""
     n = len(axes)
     gain, loop, integral, friction = (
-        np.broadcast_to(of, n) for of in (axes.position_gain, axes.speed_loop, axes.integral_time, axes.friction)
+        np.broadcast_to(of, n)
+        for of in (axes.position_gain, axes.speed_loop, axes.integral_time, axes.friction)
     )
     rates = np.zeros((n, STATE_SIZE, STATE_SIZE))
     rates[:, 0, 1] = rates[:, 1, 2] = 1.0

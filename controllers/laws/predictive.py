@@ -1,8 +1,8 @@
 """Ours: preview model-predictive control with speed and acceleration limits.
 
-The best command over some steps of nominal axes, within these limits, is a quadratic program: solved by OSQP, which
-only this file imports. What the Coulomb friction of these axes does where a motion starts or turns is taken into
-account.
+The best command over some steps of nominal axes, within these limits, is a quadratic program:
+solved by OSQP, which only this file imports. What the Coulomb friction of these axes does where a
+motion starts or turns is taken into account.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ _SETTINGS = {
 
 
 class QuadraticProgram:
-    """A program set up once: P (N, N) positive definite and A (M, N), dense or sparse, are factorized here."""
+    """A program set up once: P (N, N) positive definite and A (M, N), dense or sparse, are
+    factorized here.
+    """
 
     def __init__(self, P: Array, A: Array) -> None:
         import osqp
@@ -75,12 +77,14 @@ STEP_INSTANTS = 5
 
 
 class Horizon:
-    """min ‖r − x‖² + ρ ‖w − w₀‖²,  x = O s + Γ w,  |w| ≤ v_max dt,  |Δw| ≤ a_max dt², for n axes over H steps.
+    """min ‖r − x‖² + ρ ‖w − w₀‖²,  x = O s + Γ w,  |w| ≤ v_max dt,  |Δw| ≤ a_max dt², for n axes
+    over H steps.
 
     w (n, 2 H)   the command's speeds at the start and the end of each step, times dt: pulses
     x, r         (n, H·m) positions at m instants in each step, pulses; what is reached, and wanted
     s (n, 4)     the state at the start, see `Response`
-    Δw           changes of speed within steps, where steps meet, and from the drive's own speed to the first
+    Δw           changes of speed within steps, where steps meet, and from the drive's own speed to
+                 the first
 
     Only vectors change from one `best` to the next: the matrices are factorized once.
     """
@@ -98,7 +102,10 @@ class Horizon:
         """O (n, H·m, 4) and Γ (n, H·m, 2 H)."""
         self.instants = freeze_array(np.arange(1, steps * STEP_INSTANTS + 1) / STEP_INSTANTS)
         """(H·m,) the instants of x and r, in steps from the start."""
-        speed, change = (np.broadcast_to(of, n)[:, None] for of in (axes.max_speed * dt, axes.max_acceleration * dt**2))
+        speed, change = (
+            np.broadcast_to(of, n)[:, None]
+            for of in (axes.max_speed * dt, axes.max_acceleration * dt**2)
+        )
         size = 2 * steps
         self._bound = np.concatenate([np.repeat(speed, size, 1), np.repeat(change, size, 1)], 1)
         self.hessian = np.swapaxes(self.driven, 1, 2) @ self.driven + weight * np.eye(size)
@@ -109,7 +116,9 @@ class Horizon:
     def pull(self, state: Array, wanted: Array, guide: Array) -> Array:
         """Γᵀ(r − O s) + ρ w₀, (n, 2 H): the unconstrained best w solves (ΓᵀΓ + ρ I) w = this."""
         error = wanted - (self.free @ state[..., None])[..., 0]
-        return np.asarray((np.swapaxes(self.driven, 1, 2) @ error[..., None])[..., 0] + self._weight * guide)
+        return np.asarray(
+            (np.swapaxes(self.driven, 1, 2) @ error[..., None])[..., 0] + self._weight * guide
+        )
 
     def best(self, state: Array, wanted: Array, guide: Array) -> Array:
         """Return the best w (n, 2 H) from s, for r and w₀; it always stays within the limits.
@@ -124,7 +133,8 @@ class Horizon:
         size = guide.shape[1]
         pull = -self.pull(state, wanted, guide).ravel()
         speed, change = self._bound[:, :size], self._bound[:, size]
-        # a drive that is too fast already, or runs the other way, must not make the program infeasible
+        # a drive that is too fast already, or runs the other way, must not make the program
+        # infeasible
         now = np.clip(state[:, 1] * self._dt, -speed[:, 0] - change, speed[:, 0] + change)
 
         w = self._solve(pull, (-speed, speed), now, guide)
@@ -140,7 +150,9 @@ class Horizon:
         return self._solve(pull, bounds, now, w)
 
     def _solve(self, pull: Array, bounds: tuple[Array, Array], now: Array, guess: Array) -> Array:
-        """Return the best w (n, 2 H) within bounds of speed, from the speeds `now` (n,), starting at `guess`."""
+        """Return the best w (n, 2 H) within bounds of speed, from the speeds `now` (n,), starting
+        at `guess`.
+        """
         change = self._bound[:, guess.shape[1] :]
         centre = np.zeros_like(change)
         centre[:, 0] = now
@@ -150,7 +162,8 @@ class Horizon:
         return self._limit(w, bounds, now)
 
     def _reach(self, bounds: tuple[Array, Array], now: Array) -> tuple[Array, Array]:
-        """Return the least and largest speeds (n, 2 H) that lie on some motion within all limits; least > most: none.
+        """Return the least and largest speeds (n, 2 H) that lie on some motion within all limits;
+        least > most: none.
 
         A speed must be reachable from the one before it, which starts at `now`, and must leave the
         next one reachable.
@@ -168,19 +181,25 @@ class Horizon:
         return least, most
 
     def _limit(self, w: Array, bounds: tuple[Array, Array], now: Array) -> Array:
-        """Bring w within all limits, which OSQP meets only to its tolerance, or not at all where it ends early."""
+        """Bring w within all limits, which OSQP meets only to its tolerance, or not at all where it
+        ends early.
+        """
         change = self._bound[:, w.shape[1]]
         least, most = self._reach(bounds, now)
         limited = np.empty_like(w)
         before = now
         for k in range(w.shape[1]):
-            low, high = np.maximum(least[:, k], before - change), np.minimum(most[:, k], before + change)
+            low, high = (
+                np.maximum(least[:, k], before - change),
+                np.minimum(most[:, k], before + change),
+            )
             limited[:, k] = before = np.clip(w[:, k], low, high)
         return limited
 
 
 def _bind(speed: Array, turns: np.ndarray, forward: np.ndarray) -> tuple[Array, Array]:
-    """Return bounds (n, 2 H) of ±`speed`, where both speeds of each step that turns are bound to one sign.
+    """Return bounds (n, 2 H) of ±`speed`, where both speeds of each step that turns are bound to
+    one sign.
 
     turns, forward  (n, H): which steps turn, and the way that these are to run
     """
@@ -197,14 +216,16 @@ def _blocks(of: Array) -> Array:
 
 
 PLACES_PER_STEP = 25
-"""Places in each step where friction may turn: 5 ms apart at the thesis' step, a sixth of the drives' integral time."""
+"""Places in each step where friction may turn: 5 ms apart at the thesis' step, a sixth of the
+drives' integral time.
+"""
 
 
 class Friction:
     """x (…, n, M) by what the friction changes over H steps: Σⱼ −γ g(tᵢ − tⱼ) Δhⱼ at M instants tᵢ.
 
-    h is the way an axis runs, ±1, and Δhⱼ its change at place tⱼ; g the response to a unit acceleration from outside.
-    The friction at the start is in the drive's integral already.
+    h is the way an axis runs, ±1, and Δhⱼ its change at place tⱼ; g the response to a unit
+    acceleration from outside. The friction at the start is in the drive's integral already.
 
     instants  (M,) steps from the start, whole multiples of 1/(2 PLACES_PER_STEP)
     """
@@ -226,12 +247,14 @@ class Friction:
 
 @dataclass(frozen=True, slots=True)
 class Predictive:
-    """Preview predictive control: commands over the next H steps that bring a nominal drive closest to the reference.
+    """Preview predictive control: commands over the next H steps that bring a nominal drive closest
+    to the reference.
 
-    The program is `Horizon`'s, from the state s = (x, v, i, c) of the moment and around the feedforward law's command;
-    its first step is sent, as `ramp`. The state is read anew at each step, so that the law keeps none: x from the
-    encoder, c from the card's counter, and v = K (c − x), i = β v + r̈, which a speed loop much faster than the step
-    holds to. A dead time is met as in `Feedforward`: the undelayed drive is to be where the reference will be.
+    The program is `Horizon`'s, from the state s = (x, v, i, c) of the moment and around the
+    feedforward law's command; its first step is sent, as `ramp`. The state is read anew at each
+    step, so that the law keeps none: x from the encoder, c from the card's counter, and v = K (c −
+    x), i = β v + r̈, which a speed loop much faster than the step holds to. A dead time is met as
+    in `Feedforward`: the undelayed drive is to be where the reference will be.
 
     play     share of half the play that is added to the reference, as in `Feedforward`
     weight   ρ of `Horizon`: small follows the model and the encoder, large the feedforward
@@ -246,15 +269,27 @@ class Predictive:
     axes: NominalAxes = field(default_factory=usual_axes)
     reads_encoder: ClassVar[bool] = True
     host: ClassVar[Timer] = "counter"
-    grid: ClassVar[Grid] = {"weight": (1e-3, 1e-2, 1e-1, 1.0), "play": (0.0, 1.0), "friction": (0.0, 1.0)}
+    grid: ClassVar[Grid] = {
+        "weight": (1e-3, 1e-2, 1e-1, 1.0),
+        "play": (0.0, 1.0),
+        "friction": (0.0, 1.0),
+    }
 
     def __post_init__(self) -> None:
         for name in ("weight", "play", "friction"):
-            object.__setattr__(self, name, check_gain("predictive", name, getattr(self, name), "0.01 and 1 are usual"))
+            object.__setattr__(
+                self,
+                name,
+                check_gain("predictive", name, getattr(self, name), "0.01 and 1 are usual"),
+            )
         if not np.all(np.asarray(self.weight) > 0):
-            raise MotionError(f"law predictive: weight {format_gain(self.weight)} must be above zero")
+            raise MotionError(
+                f"law predictive: weight {format_gain(self.weight)} must be above zero"
+            )
         if self.horizon != int(self.horizon) or self.horizon < 1:
-            raise MotionError(f"law predictive: horizon {self.horizon} must be a whole number of steps, at least 1")
+            raise MotionError(
+                f"law predictive: horizon {self.horizon} must be a whole number of steps, at least 1"
+            )
 
     @property
     def name(self) -> str:
@@ -268,19 +303,28 @@ class Predictive:
         state = self._state(step, reference, feedback, guide[0] / dt)
         weight = np.broadcast_to(self.weight, (*lanes[:-1], 1))
         programs = {
-            rho: _program(self.axes.key(), lanes[-1], dt, self.horizon, rho) for rho in np.unique(weight).tolist()
+            rho: _program(self.axes.key(), lanes[-1], dt, self.horizon, rho)
+            for rho in np.unique(weight).tolist()
         }
-        wanted = np.moveaxis(self._target_motion(step, reference, next(iter(programs.values()))), 0, -1)
+        wanted = np.moveaxis(
+            self._target_motion(step, reference, next(iter(programs.values()))), 0, -1
+        )
         guide = np.moveaxis(guide, 0, -1)
         w = np.empty((*lanes, 2))
         for run in np.ndindex(lanes[:-1]):
             horizon, _ = programs[float(weight[run][0])]
             w[run] = horizon.best(state[run], wanted[run], guide[run])[:, :2]
         start, end = w[..., 0], w[..., 1]
-        return ramp(feedback.counter + (start + end) / 2, start / dt, end / dt, feedback.counter, dt)
+        return ramp(
+            feedback.counter + (start + end) / 2, start / dt, end / dt, feedback.counter, dt
+        )
 
-    def _target_motion(self, k: np.ndarray, reference: Reference, of: tuple[Horizon, Friction]) -> Array:
-        """Where the undelayed motors are to be (H·m, …, n), but for what friction adds by itself."""
+    def _target_motion(
+        self, k: np.ndarray, reference: Reference, of: tuple[Horizon, Friction]
+    ) -> Array:
+        """Where the undelayed motors are to be (H·m, …, n), but for what friction adds by
+        itself.
+        """
         axes, dt, (horizon, friction) = self.axes, reference.dt, of
 
         def at(steps: Array) -> Array:
@@ -293,15 +337,24 @@ class Predictive:
 
     def _guide(self, k: np.ndarray, reference: Reference) -> Array:
         """The feedforward law's speeds at the start and end of each step, times dt: (2 H, …, n)."""
-        law, ahead = Feedforward(axes=self.axes), np.arange(self.horizon).reshape((-1,) + (1,) * k.ndim)
+        law, ahead = (
+            Feedforward(axes=self.axes),
+            np.arange(self.horizon).reshape((-1,) + (1,) * k.ndim),
+        )
         starts, ends = (
             law.target_motion(k + ahead, reference)[1],
             law.target_motion(k + ahead + 1, reference, before=True)[1],
         )
-        return np.stack([starts, ends], 1).reshape(2 * self.horizon, *starts.shape[1:]) * reference.dt
+        return (
+            np.stack([starts, ends], 1).reshape(2 * self.horizon, *starts.shape[1:]) * reference.dt
+        )
 
-    def _state(self, k: np.ndarray, reference: Reference, feedback: Feedback, speed: Array) -> Array:
-        """s (…, n, 4) of the undelayed drive, which is `delay` ahead of the encoder; `speed` is the command's."""
+    def _state(
+        self, k: np.ndarray, reference: Reference, feedback: Feedback, speed: Array
+    ) -> Array:
+        """s (…, n, 4) of the undelayed drive, which is `delay` ahead of the encoder; `speed` is the
+        command's.
+        """
         axes, c, x = self.axes, feedback.counter, feedback.position
         v = axes.position_gain * (c - axes.delay * speed - x)
         _, _, bend = reference.between(k[..., None] * reference.dt + axes.delay)

@@ -12,7 +12,12 @@ from controllers.laws.closed_loop import (
 )
 from controllers.laws.law import AnyLaw, Gain
 from controllers.laws.nominal import nominal_axes
-from controllers.laws.open_loop import Feedforward, OpenPosition, OpenPositionTrapezoid, OpenVelocity
+from controllers.laws.open_loop import (
+    Feedforward,
+    OpenPosition,
+    OpenPositionTrapezoid,
+    OpenVelocity,
+)
 from controllers.laws.predictive import Predictive
 from controllers.rig import Rig
 from kinematics.foundation.arrays import finite_array
@@ -31,11 +36,15 @@ LAWS: dict[tuple[str, str], Callable[..., AnyLaw]] = {
     ("6", "closed-position"): ClosedPosition,
     ("7", "closed-position-relative"): partial(ClosedPosition, relative=True),
     ("6r", "closed-position-repaired"): partial(ClosedPosition, repaired=True),
-    ("7r", "closed-position-relative-repaired"): partial(ClosedPosition, relative=True, repaired=True),
+    ("7r", "closed-position-relative-repaired"): partial(
+        ClosedPosition, relative=True, repaired=True
+    ),
     ("ff", "feedforward"): Feedforward,
     ("mpc", "predictive"): Predictive,
 }
-"""(number of the thesis' algorithm, or ours, and name) -> law; gains, the keys of its grid, are keyword arguments."""
+"""(number of the thesis' algorithm, or ours, and name) -> law; gains, the keys of its grid, are
+keyword arguments.
+"""
 
 
 def law_names() -> tuple[str, ...]:
@@ -52,7 +61,8 @@ def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> AnyLaw:
     name
         "6" or "closed-position"; `law_names` lists the names.
     rig
-        Whose nominal axes a law by model is to assume; it must be the rig as stated, also where others are tried.
+        Whose nominal axes a law by model is to assume; it must be the rig as stated, also where
+        others are tried.
     gains
         The law's gains, each a number or (B, 1) with one value for each run of a batch.
 
@@ -74,7 +84,9 @@ def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> AnyLaw:
             for gain in gains:
                 if gain not in own:
                     near = nearest(gain, own)
-                    raise MotionError(f"law {name} has no gain {gain!r}{near}: choose among {', '.join(own) or 'none'}")
+                    raise MotionError(
+                        f"law {name} has no gain {gain!r}{near}: choose among {', '.join(own) or 'none'}"
+                    )
             law = make(**gains)
             if rig is not None and isinstance(law, Feedforward | Predictive):
                 return replace(law, axes=nominal_axes(rig))

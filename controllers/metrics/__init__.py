@@ -1,4 +1,6 @@
-"""How well a motion was tracked: errors per axis, in space and beside the path, and what they cost the drives."""
+"""How well a motion was tracked: errors per axis, in space and beside the path, and what they cost
+the drives.
+"""
 
 import lazy_loader
 

@@ -28,7 +28,9 @@ class Circle:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", freeze_array(self.centre, np.float64))
-        object.__setattr__(self, "normal", freeze_array(unit_vectors(self.normal, "circle: normal", (3,))))
+        object.__setattr__(
+            self, "normal", freeze_array(unit_vectors(self.normal, "circle: normal", (3,)))
+        )
         if not 0 < self.radius < float("inf"):
             raise MotionError(f"circular test: radius {self.radius} m must be above 0")
 
@@ -95,7 +97,10 @@ class CircularTest(Result):
         """Every figure."""
         about = f"ISO-style, diameter {2e3 * self.circle.radius:.6g} mm at {1e3 * self.circle.feed:.6g} mm/s"
         figures = self.figures()
-        columns = (Column("figure", [*figures]), Column("value", [*figures.values()], "m", "micro", ".3f"))
+        columns = (
+            Column("figure", [*figures]),
+            Column("value", [*figures.values()], "m", "micro", ".3f"),
+        )
         return (Table(f"{about}, least-squares centres", columns),)
 
     def data(self) -> Table:
@@ -110,10 +115,11 @@ class CircularTest(Result):
 
 
 def full_turn(points: Array, circle: Circle, sense: int) -> Array:
-    """A record's (N, 3) first full turn from where it starts, at 720 even angles: (720, 2) in the plane of the circle.
+    """A record's (N, 3) first full turn from where it starts, at 720 even angles: (720, 2) in the
+    plane of the circle.
 
-    So neither ramps nor rests count for more than the rest of the way. Linear in polar coordinates between samples;
-    sense 1 counter-clockwise, −1 clockwise, seen against the normal.
+    So neither ramps nor rests count for more than the rest of the way. Linear in polar coordinates
+    between samples; sense 1 counter-clockwise, −1 clockwise, seen against the normal.
 
     Raises MotionError for a record that ends more than `MAX_TURN_SHORTFALL` before the full turn.
     """
@@ -135,7 +141,8 @@ def full_turn(points: Array, circle: Circle, sense: int) -> Array:
 
 
 def circular_test(ccw: Array, cw: Array, circle: Circle) -> CircularTest:
-    """From records of points (N, 3) that go round each way, m; of each its first full turn, see `full_turn`.
+    """From records of points (N, 3) that go round each way, m; of each its first full turn, see
+    `full_turn`.
 
     Least-squares circle: min over c, ρ of Σ (‖p − c‖ − ρ)².
 
@@ -145,7 +152,9 @@ def circular_test(ccw: Array, cw: Array, circle: Circle) -> CircularTest:
     every = np.concatenate([there, back])
     centre, _ = _least_squares(every, circle.radius)
     both = float(np.ptp(np.linalg.norm(every - centre, axis=1)))
-    return CircularTest(circle, _roundness(there, circle.radius), _roundness(back, circle.radius), both)
+    return CircularTest(
+        circle, _roundness(there, circle.radius), _roundness(back, circle.radius), both
+    )
 
 
 def _roundness(points: Array, radius: float) -> Roundness:
@@ -160,7 +169,9 @@ def _roundness(points: Array, radius: float) -> Roundness:
 
 
 def _least_squares(points: Array, radius: float) -> tuple[Array, float]:
-    """Centre (2,) and radius of the circle nearest to points (N, 2); solved in units of the programmed radius."""
+    """Centre (2,) and radius of the circle nearest to points (N, 2); solved in units of the
+    programmed radius.
+    """
     from scipy.optimize import least_squares
 
     scaled = points / radius
@@ -173,7 +184,9 @@ def _least_squares(points: Array, radius: float) -> tuple[Array, float]:
         unit = -away / np.linalg.norm(away, axis=1)[:, None]
         return np.column_stack([unit, -np.ones(len(unit))])
 
-    found = least_squares(misfit, [0.0, 0.0, 1.0], jac=slope, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    found = least_squares(
+        misfit, [0.0, 0.0, 1.0], jac=slope, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
     return radius * found.x[:2], float(radius * found.x[2])
 
 

@@ -1,5 +1,5 @@
-"""Contour error: how far a motion runs beside its path, whatever the timing; and the path as a curve that it is held
-against, with what a projection onto it needs.
+"""Contour error: how far a motion runs beside its path, whatever the timing; and the path as a
+curve that it is held against, with what a projection onto it needs.
 """
 
 from __future__ import annotations
@@ -21,9 +21,13 @@ if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
 
 INSTANTS_PER_PIECE, BISECTIONS_OF_PLACE = 64, 52
-"""Instants of a piece between which axes may turn back once; halvings until the instant is found to its rounding."""
+"""Instants of a piece between which axes may turn back once; halvings until the instant is found to
+its rounding.
+"""
 INSIDE_SHARE = 1e-4
-"""Share of a piece by which one goes inside it for the direction at an end where the curve stands still."""
+"""Share of a piece by which one goes inside it for the direction at an end where the curve stands
+still.
+"""
 
 
 class ReferenceCurve(Protocol):
@@ -53,7 +57,8 @@ class PathCurve:
 class MotionCurve:
     """The axes along a motion that has no path in space: r = q (n,), and s is the time.
 
-    Where the axes turn back on their way a piece ends, so that what is there and what is back are told apart.
+    Where the axes turn back on their way a piece ends, so that what is there and what is back are
+    told apart.
     """
 
     motion: AxesMotion
@@ -84,11 +89,15 @@ def piece_of(curve: ReferenceCurve, s: Array) -> np.ndarray:
 
 
 def directions(curve: ReferenceCurve, s: Array, piece: np.ndarray) -> Array:
-    """Unit tangents t̂ (N, d); zero where the curve stands still throughout, as in a turn on the spot."""
+    """Unit tangents t̂ (N, d); zero where the curve stands still throughout, as in a turn on the
+    spot.
+    """
     low, high = curve.breaks[piece], curve.breaks[piece + 1]
     slope = curve.at(s, piece)[1]
     size = np.linalg.norm(slope, axis=1)
-    inner = curve.at(np.clip(s, low + INSIDE_SHARE * (high - low), high - INSIDE_SHARE * (high - low)), piece)[1]
+    inner = curve.at(
+        np.clip(s, low + INSIDE_SHARE * (high - low), high - INSIDE_SHARE * (high - low)), piece
+    )[1]
     inner_size = np.linalg.norm(inner, axis=1)
     resting = size < INSIDE_SHARE * inner_size
     slope, size = np.where(resting[:, None], inner, slope), np.where(resting, inner_size, size)
@@ -96,14 +105,17 @@ def directions(curve: ReferenceCurve, s: Array, piece: np.ndarray) -> Array:
 
 
 SAGITTA_SHARE = 1e-5
-"""Share of the path's extent by which a polyline may be off the curve: it finds the place, Newton the distance."""
+"""Share of the path's extent by which a polyline may be off the curve: it finds the place, Newton
+the distance.
+"""
 EDGE_COUNTS = 8, 1 << 14
 """Edges of a piece, at least and at most."""
 
 
 @dataclass(frozen=True, slots=True)
 class Polyline:
-    """Vertices s (V,), r (V, d), way along it (V,), piece of each edge (V − 1,), in m (or rad) like the following.
+    """Vertices s (V,), r (V, d), way along it (V,), piece of each edge (V − 1,), in m (or rad) like
+    the following.
 
     sagitta  largest distance of an edge's middle to the curve
     extent   of the whole: the diagonal of the box around it
@@ -120,7 +132,8 @@ class Polyline:
 def polyline(curve: ReferenceCurve) -> Polyline:
     """As few edges as the sagitta allows: a straight piece has the least number.
 
-    Halving an edge divides its sagitta by four, so that of `EDGE_COUNTS[0]` edges tells how many are needed.
+    Halving an edge divides its sagitta by four, so that of `EDGE_COUNTS[0]` edges tells how many
+    are needed.
     """
     pieces = len(curve.breaks) - 1
     edges = np.full(pieces, EDGE_COUNTS[0])
@@ -137,13 +150,17 @@ def polyline(curve: ReferenceCurve) -> Polyline:
         if not short.any():
             break
         wanted = edges * np.sqrt(worst / max(SAGITTA_SHARE * extent, 1e-300)) * 1.1
-        edges = np.where(short, np.clip(np.ceil(wanted), edges + 1, EDGE_COUNTS[1]).astype(int), edges)
+        edges = np.where(
+            short, np.clip(np.ceil(wanted), edges + 1, EDGE_COUNTS[1]).astype(int), edges
+        )
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(r, axis=0), axis=1))])
     return Polyline(s, r, way, piece, float(off.max()), extent)
 
 
 def _edge_distances(points: Array, r: Array) -> Array:
-    """Distance (V − 1,) of a point to each edge of vertices r (V, d): the parameter need not be even along an edge."""
+    """Distance (V − 1,) of a point to each edge of vertices r (V, d): the parameter need not be
+    even along an edge.
+    """
     side, offset = np.diff(r, axis=0), points - r[:-1]
     share = np.clip((offset * side).sum(1) / np.maximum((side**2).sum(1), 1e-300), 0.0, 1.0)
     return np.asarray(np.linalg.norm(offset - share[:, None] * side, axis=1))
@@ -153,19 +170,26 @@ EdgePlaces = tuple[np.ndarray, Array]
 """Edge (N · B,) and share along it (N · B,), time first."""
 
 
-def nearest_in_order(y: Array, s_reference: Array, reach: Array, line: Polyline) -> tuple[EdgePlaces, EdgePlaces]:
-    """Per point of y (N, B, d), forward only: the first point of the polyline that may be the nearest, and the nearest.
+def nearest_in_order(
+    y: Array, s_reference: Array, reach: Array, line: Polyline
+) -> tuple[EdgePlaces, EdgePlaces]:
+    """Per point of y (N, B, d), forward only: the first point of the polyline that may be the
+    nearest, and the nearest.
 
-    They are looked for from the first of the instant before up to `reach` (N, B) beyond the planned s (N,). May be:
-    within twice the sagitta of the nearest, since either may be off by one. All runs of an instant are searched
-    together, each over its own edges.
+    They are looked for from the first of the instant before up to `reach` (N, B) beyond the planned
+    s (N,). May be: within twice the sagitta of the nearest, since either may be off by one. All
+    runs of an instant are searched together, each over its own edges.
     """
     instants, runs = reach.shape
     side = np.diff(line.r, axis=0)
     length2 = np.maximum((side**2).sum(1), 1e-300)
     planned = np.clip(np.searchsorted(line.s, s_reference, side="right") - 1, 0, len(side) - 1)
-    stop = np.minimum(np.searchsorted(line.way, line.way[planned + 1][:, None] + reach, side="right"), len(side))
-    edge = np.clip(np.searchsorted(line.way, line.way[planned[0]] - reach[0], side="right") - 1, 0, planned[0])
+    stop = np.minimum(
+        np.searchsorted(line.way, line.way[planned + 1][:, None] + reach, side="right"), len(side)
+    )
+    edge = np.clip(
+        np.searchsorted(line.way, line.way[planned[0]] - reach[0], side="right") - 1, 0, planned[0]
+    )
     share = np.zeros(runs)
     alike = 2 * line.sagitta
     first = np.empty((instants, runs), np.int64), np.empty((instants, runs))
@@ -192,7 +216,9 @@ def nearest_in_order(y: Array, s_reference: Array, reach: Array, line: Polyline)
 
 
 SAME_DISTANCE_SHARE = 1e-12
-"""Share of the path's extent within which two distances are one: a hundred times the rounding of both."""
+"""Share of the path's extent within which two distances are one: a hundred times the rounding of
+both.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,13 +232,15 @@ class Contour:
 def contour_error(y: Array, s_reference: Array, curve: ReferenceCurve) -> Contour:
     """ε = min over s of ‖y(t) − r(s)‖ in a window that only moves forward.
 
-    The window runs from the previous s* to π‖e‖ of path beyond s_reference, e = y − r(s_reference): on a path that
-    turns less than half round there, nothing nearer lies beyond. Within it the nearest point of a polyline is taken,
-    and the first that may be as near (so a path that runs back over itself is followed in order); from both, Newton on
-    (y − r(s))·r′(s) = 0 inside the smooth piece; the first of equals is s*. r(s_reference) is a point of the path too,
-    so ε ≤ ‖e‖ always, also where a monotone s* waits for the motion to come back from an overshoot.
+    The window runs from the previous s* to π‖e‖ of path beyond s_reference, e = y − r(s_reference):
+    on a path that turns less than half round there, nothing nearer lies beyond. Within it the
+    nearest point of a polyline is taken, and the first that may be as near (so a path that runs
+    back over itself is followed in order); from both, Newton on (y − r(s))·r′(s) = 0 inside the
+    smooth piece; the first of equals is s*. r(s_reference) is a point of the path too, so ε ≤ ‖e‖
+    always, also where a monotone s* waits for the motion to come back from an overshoot.
 
-    y            (N, d) points of a motion, or (N, B, d) of a batch of runs: m, or rad on turning axes
+    y            (N, d) points of a motion, or (N, B, d) of a batch of runs: m, or rad on turning
+                 axes
     s_reference  (N,) path parameter of the point planned at the same instant
     """
     shape, lanes = y.shape[:-1], y.reshape(len(y), -1, y.shape[-1])
@@ -225,7 +253,9 @@ def contour_error(y: Array, s_reference: Array, curve: ReferenceCurve) -> Contou
     points, reach = lanes.reshape(-1, lanes.shape[-1]), reach.ravel()
     s, distance = _refine_places(points, curve, line, first, reach)
     apart = np.flatnonzero((line.piece[first[0]] != line.piece[best[0]]) | (best[0] > first[0] + 1))
-    other, nearer = _refine_places(points[apart], curve, line, (best[0][apart], best[1][apart]), reach[apart])
+    other, nearer = _refine_places(
+        points[apart], curve, line, (best[0][apart], best[1][apart]), reach[apart]
+    )
     better = nearer < distance[apart] - SAME_DISTANCE_SHARE * line.extent
     s[apart[better]], distance[apart[better]] = other[better], nearer[better]
     forward = np.maximum.accumulate(s.reshape(tracking.shape), axis=0).ravel()
@@ -242,28 +272,39 @@ def contour_error(y: Array, s_reference: Array, curve: ReferenceCurve) -> Contou
 def _refine_places(
     y: Array, curve: ReferenceCurve, line: Polyline, at: tuple[np.ndarray, Array], reach: Array
 ) -> tuple[Array, Array]:
-    """s (M,) and ‖y − r(s)‖ by Newton on f(s) = (y − r)·r′, inside the piece and the reach; a step must come nearer.
+    """s (M,) and ‖y − r(s)‖ by Newton on f(s) = (y − r)·r′, inside the piece and the reach; a step
+    must come nearer.
 
-    f′ = (y − r)·r″ − r′·r′ is the secant of the last two points, or −r′·r′ at first and where the secant would climb.
+    f′ = (y − r)·r″ − r′·r′ is the secant of the last two points, or −r′·r′ at first and where the
+    secant would climb.
     """
     edge, share = at
     piece = line.piece[edge]
     s: Array = line.s[edge] + share * (line.s[edge + 1] - line.s[edge])
     way = line.way[edge] + share * (line.way[edge + 1] - line.way[edge])
     # the whole edge at least, since s need not be even along it
-    low = np.maximum(curve.breaks[piece], np.minimum(np.interp(way - reach, line.way, line.s), line.s[edge]))
-    high = np.minimum(curve.breaks[piece + 1], np.maximum(np.interp(way + reach, line.way, line.s), line.s[edge + 1]))
+    low = np.maximum(
+        curve.breaks[piece], np.minimum(np.interp(way - reach, line.way, line.s), line.s[edge])
+    )
+    high = np.minimum(
+        curve.breaks[piece + 1],
+        np.maximum(np.interp(way + reach, line.way, line.s), line.s[edge + 1]),
+    )
     miss, f, slope = _projection(y, curve, s, piece)
     damping, active = np.ones(len(s)), np.arange(len(s))
     for _ in range(40):
         size = slope[active]
         step = f[active] / np.maximum(size, 1e-300)
         # a step this short changes the distance by less than its rounding
-        active = active[np.abs(step) * np.sqrt(size) > np.maximum(1e-9 * miss[active], 1e-16 * line.extent)]
+        active = active[
+            np.abs(step) * np.sqrt(size) > np.maximum(1e-9 * miss[active], 1e-16 * line.extent)
+        ]
         active = active[damping[active] > 1e-3]
         if not len(active):
             break
-        trial = np.clip(s[active] + f[active] / np.maximum(slope[active], 1e-300), low[active], high[active])
+        trial = np.clip(
+            s[active] + f[active] / np.maximum(slope[active], 1e-300), low[active], high[active]
+        )
         trial = s[active] + damping[active] * (trial - s[active])
         moved = trial - s[active]
         miss_there, f_there, slope_there = _projection(y[active], curve, trial, piece[active])
@@ -279,7 +320,9 @@ def _refine_places(
     return s, miss
 
 
-def _projection(y: Array, curve: ReferenceCurve, s: Array, piece: np.ndarray) -> tuple[Array, Array, Array]:
+def _projection(
+    y: Array, curve: ReferenceCurve, s: Array, piece: np.ndarray
+) -> tuple[Array, Array, Array]:
     """‖y − r‖, (y − r)·r′ and r′·r′, each (M,)."""
     r, tangent = curve.at(s, piece)
     offset = y - r
@@ -289,7 +332,8 @@ def _projection(y: Array, curve: ReferenceCurve, s: Array, piece: np.ndarray) ->
 
 @dataclass(frozen=True, slots=True)
 class PlannedStates:
-    """What a motion plans at instants t (N,): axis positions q (N, n); on its curve s (N,) and piece (N,).
+    """What a motion plans at instants t (N,): axis positions q (N, n); on its curve s (N,) and
+    piece (N,).
 
     path   None: the curve is that of the axes' own positions
     unit   of distances on the curve, m or rad
@@ -307,7 +351,9 @@ class PlannedStates:
 
 
 def sample_plan(motion: AxesMotion, machine: Machine, t: Array) -> PlannedStates:
-    """Raises MotionError for a motion without a path in space whose axes are of two kinds: they have no distance."""
+    """Raises MotionError for a motion without a path in space whose axes are of two kinds: they
+    have no distance.
+    """
     state = motion.at(np.minimum(t, motion.duration))
     path = getattr(motion, "path", None)
     if isinstance(path, MachinePath):

@@ -1,7 +1,8 @@
 """From what the axes did to how well they tracked: of one run, or of a batch.
 
-Errors count against the path: in space where the motion has a path there, else in the space of its axes. For that it is
-worked out where a motion plans the machine to be, and which poses it really had.
+Errors count against the path: in space where the motion has a path there, else in the space of its
+axes. For that it is worked out where a motion plans the machine to be, and which poses it really
+had.
 """
 
 from __future__ import annotations
@@ -43,8 +44,10 @@ if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
 
 SAME_BRANCH = 0.1
-"""Share of the machine's characteristic length by which a platform on legs may be away from its planned place to be
-taken for the one that Newton finds from there: other assemblies of the same legs are about that length away."""
+"""Share of the machine's characteristic length by which a platform on legs may be away from its
+planned place to be taken for the one that Newton finds from there: other assemblies of the same
+legs are about that length away.
+"""
 
 
 def attained_poses(
@@ -56,18 +59,23 @@ def attained_poses(
     certify: bool,
     tell: Progress = ignore_progress,
 ) -> tuple[Array, Array, np.ndarray]:
-    """Numbers of the planned poses (N, 12), of those attained at axis positions (N, B, n), (N, B, 12), and which (N, B)
-    of them are known.
+    """Numbers of the planned poses (N, 12), of those attained at axis positions (N, B, n), (N, B,
+    12), and which (N, B) of them are known.
 
-    certify  every pose is proved to be the one that the machine is in, and a MotionError names the first that is not.
-             Otherwise what is checked is that the pose has the coordinates (to 1e-9 m or rad), and of machines on legs
-             that the platform is near its planned place (`SAME_BRANCH`); what fails there is put at its planned pose.
+    certify  every pose is proved to be the one that the machine is in, and a MotionError names the
+             first that is not. Otherwise what is checked is that the pose has the coordinates (to
+             1e-9 m or rad), and of machines on legs that the platform is near its planned place
+             (`SAME_BRANCH`); what fails there is put at its planned pose.
     """
     n, runs, axes = actual.shape
     reference = path.pose_numbers(planned.s, planned.piece)
     # the planned pose is as near to the attained one as any: a short way to go, and to certify
     q, start = actual.reshape(-1, axes), np.repeat(reference, runs, axis=0)
-    x, known = _prove_poses(q, start, planned, machine, tell) if certify else _estimate_poses(q, start, machine)
+    x, known = (
+        _prove_poses(q, start, planned, machine, tell)
+        if certify
+        else _estimate_poses(q, start, machine)
+    )
     return reference, x.reshape(n, runs, 12), known.reshape(n, runs)
 
 
@@ -92,11 +100,16 @@ def _prove_poses(
 
 
 def _estimate_poses(q: Array, start: Array, machine: Machine) -> tuple[Array, np.ndarray]:
-    """Numbers (M, 12) of the poses found, and which of them (M,) pass the checks; the others are as planned."""
+    """Numbers (M, 12) of the poses found, and which of them (M,) pass the checks; the others are as
+    planned.
+    """
     x, residual = iterate_newton(machine, q, start)
     sure = residual < RESIDUAL_TOLERANCE
     if machine.lengths:
-        sure &= np.linalg.norm(x[:, :3] - start[:, :3], axis=1) < SAME_BRANCH * machine.characteristic_length
+        sure &= (
+            np.linalg.norm(x[:, :3] - start[:, :3], axis=1)
+            < SAME_BRANCH * machine.characteristic_length
+        )
     return np.where(sure[:, None], x, start), sure
 
 
@@ -110,7 +123,8 @@ PROVED_AT_ONCE = 1 << 12
 class SpaceErrors:
     """‖e‖, t̂ᵀe, ε and ‖log(R_rᵀ R)‖ of runs, (N, runs); no orientation where there is no pose.
 
-    planned (N, d), attained (N, runs, d): where the platform's origin was to be and was, or the axes
+    planned (N, d), attained (N, runs, d): where the platform's origin was to be and was, or the
+    axes
     """
 
     planned: Array
@@ -147,19 +161,30 @@ def space_errors(
 
 
 def _pose_errors(
-    actual: Array, planned: PlannedStates, path: MachinePath, machine: Machine, certify: bool, tell: Progress
+    actual: Array,
+    planned: PlannedStates,
+    path: MachinePath,
+    machine: Machine,
+    certify: bool,
+    tell: Progress,
 ) -> SpaceErrors:
-    reference, attained, known = attained_poses(actual, planned, path, machine, certify=certify, tell=tell)
+    reference, attained, known = attained_poses(
+        actual, planned, path, machine, certify=certify, tell=tell
+    )
     turned = _angles(reference[:, None, 3:], attained[..., 3:])
     errors = _curve_errors(attained[..., :3], reference[:, :3], planned, turned)
     sure = np.asarray(known.all(0))
     if sure.all():
         return errors
-    figures = (np.where(sure, of, np.nan) for of in (errors.tracking, errors.lag, errors.contour, turned))
+    figures = (
+        np.where(sure, of, np.nan) for of in (errors.tracking, errors.lag, errors.contour, turned)
+    )
     return SpaceErrors(errors.planned, np.where(sure[:, None], errors.attained, np.nan), *figures)
 
 
-def _curve_errors(actual: Array, reference: Array, planned: PlannedStates, orientation: Array | None) -> SpaceErrors:
+def _curve_errors(
+    actual: Array, reference: Array, planned: PlannedStates, orientation: Array | None
+) -> SpaceErrors:
     error = actual - reference[:, None]
     along = directions(planned.curve, planned.s, planned.piece)
     return SpaceErrors(
@@ -173,18 +198,23 @@ def _curve_errors(actual: Array, reference: Array, planned: PlannedStates, orien
 
 
 def _angles(reference: Array, actual: Array) -> Array:
-    """‖log(R_rᵀ R)‖ = atan2(‖v‖, tr M − 1) with v = vee(M − Mᵀ), M = R_rᵀ R, of rotations by rows (…, 9).
+    """‖log(R_rᵀ R)‖ = atan2(‖v‖, tr M − 1) with v = vee(M − Mᵀ), M = R_rᵀ R, of rotations by rows
+    (…, 9).
 
     Exact for small angles too.
     """
     before, after = (of.reshape(*of.shape[:-1], 3, 3) for of in (reference, actual))
     turn = before.swapaxes(-1, -2) @ after
     v = (turn - turn.swapaxes(-1, -2))[..., [2, 0, 1], [1, 2, 0]]
-    return np.asarray(np.arctan2(np.linalg.norm(v, axis=-1), np.trace(turn, axis1=-2, axis2=-1) - 1))
+    return np.asarray(
+        np.arctan2(np.linalg.norm(v, axis=-1), np.trace(turn, axis1=-2, axis2=-1) - 1)
+    )
 
 
 PERIOD = 1e-3
-"""s between the instants at which errors of one run are taken: a fifth of the time constant of a 30 Hz speed loop."""
+"""s between the instants at which errors of one run are taken: a fifth of the time constant of a 30
+Hz speed loop.
+"""
 BATCH_PERIOD = 5e-3
 """s of a batch: that time constant."""
 
@@ -208,7 +238,8 @@ def evaluate(
     plan, machine
         As they were given to `track`.
     period
-        s between the instants at which errors are taken; settling, overshoot and vibration are taken at every sample
+        s between the instants at which errors are taken; settling, overshoot and vibration are
+        taken at every sample
         of the record.
     band
         Pulses around the end in which an axis has arrived, see `Ending`.
@@ -223,7 +254,8 @@ def evaluate(
     Raises
     ------
     MotionError
-        A tracked position is no pose of the machine; of a motion that has no path in space see `sample_plan`.
+        A tracked position is no pose of the machine; of a motion that has no path in space see
+        `sample_plan`.
     """
     return evaluate_each([tracking], plan, machine, period=period, band=band, progress=progress)[0]
 
@@ -238,7 +270,11 @@ def evaluate_each(
     progress: Progress = ignore_progress,
 ) -> tuple[Metrics, ...]:
     """The same of several trackings at the same instants (`track_each`), in less time for each."""
-    machine = load_machine(machine) if isinstance(machine, str | PathLike) or not hasattr(machine, "axes") else machine
+    machine = (
+        load_machine(machine)
+        if isinstance(machine, str | PathLike) or not hasattr(machine, "axes")
+        else machine
+    )
     first = tracked[0]
     pulse = np.array([axis.pulse for axis in machine.axes])
     actual = np.stack([(each.actual - machine.home_q) / pulse for each in tracked], 1)
@@ -246,7 +282,9 @@ def evaluate_each(
     task = Task(first.law, motion_of(plan), first.dt)
     names = [each.law for each in tracked]
     lanes = _RunRecords(first.t, actual, end, lost=np.stack([each.lost for each in tracked]))
-    return _build_metrics(names, lanes, task, machine, period, band, certify=True, progress=progress)
+    return _build_metrics(
+        names, lanes, task, machine, period, band, certify=True, progress=progress
+    )
 
 
 def evaluate_runs(
@@ -258,12 +296,13 @@ def evaluate_runs(
     period: float = BATCH_PERIOD,
     band: float = END_BAND,
 ) -> tuple[Metrics, ...]:
-    """The same of a batch of B runs of one task, each on its own rig, in a fraction of the time for each.
+    """The same of a batch of B runs of one task, each on its own rig, in a fraction of the time for
+    each.
 
     laws  what each run is called; its number, from 1, by default
 
-    No pose is proved: `attained_poses` says what is checked instead. A run of which a pose is not known has nan for its
-    errors in space; the others are not touched by it.
+    No pose is proved: `attained_poses` says what is checked instead. A run of which a pose is not
+    known has nan for its errors in space; the others are not touched by it.
     """
     names = [f"run {b + 1}" for b in range(len(rigs))] if laws is None else laws
     lanes = _RunRecords(runs.t, runs.actual, runs.end, runs.torque, torque_limits(rigs), runs.lost)
@@ -272,7 +311,9 @@ def evaluate_runs(
 
 @dataclass(frozen=True, slots=True)
 class _RunRecords:
-    """Records of B runs: true positions actual (N, B, n), pulses from home, at t (N,) s; run b ends at end[b]."""
+    """Records of B runs: true positions actual (N, B, n), pulses from home, at t (N,) s; run b ends
+    at end[b].
+    """
 
     t: Array
     actual: Array
@@ -283,7 +324,9 @@ class _RunRecords:
 
     def samples(self, every: int = 1) -> np.ndarray:
         """(B,) how many of every so many samples lie before the end."""
-        return np.asarray(np.searchsorted(self.t[::every], self.end - 1e-6 * (self.t[1] - self.t[0])))
+        return np.asarray(
+            np.searchsorted(self.t[::every], self.end - 1e-6 * (self.t[1] - self.t[0]))
+        )
 
 
 def _build_metrics(
@@ -305,7 +348,10 @@ def _build_metrics(
         raise MotionError(f"evaluate: band {band} must be 0 pulses or more")
     shafts = _shafts(lanes, task, machine, pulse, band)
     every = max(1, round(period / (t[1] - t[0])))
-    few, planned = machine.home_q + lanes.actual[::every] * pulse, sample_plan(task.motion, machine, t[::every])
+    few, planned = (
+        machine.home_q + lanes.actual[::every] * pulse,
+        sample_plan(task.motion, machine, t[::every]),
+    )
     following, until = few - planned.q[:, None], lanes.samples(every)
     found: list[Metrics] = []
     for errors in space_errors(few, planned, machine, certify=certify, progress=progress):
@@ -315,7 +361,10 @@ def _build_metrics(
 
             def series(name: str, unit: str, value: Array, own: slice = own) -> ErrorSeries:
                 return ErrorSeries(
-                    name, unit, freeze_array(value[own]), planned.place(int(np.abs(value[own]).argmax()))
+                    name,
+                    unit,
+                    freeze_array(value[own]),
+                    planned.place(int(np.abs(value[own]).argmax())),
                 )
 
             ending, vibration, effort = shafts[b]
@@ -325,11 +374,14 @@ def _build_metrics(
                     law=names[b],
                     t=freeze_array(planned.t[own]),
                     following=tuple(
-                        series(axis.name, axis.unit, following[:, b, i]) for i, axis in enumerate(machine.axes)
+                        series(axis.name, axis.unit, following[:, b, i])
+                        for i, axis in enumerate(machine.axes)
                     ),
                     tracking=series("tracking", planned.unit, errors.tracking[:, lane]),
                     lag=series("lag", planned.unit, errors.lag[:, lane]),
-                    orientation=None if turned is None else series("orientation", "rad", turned[:, lane]),
+                    orientation=None
+                    if turned is None
+                    else series("orientation", "rad", turned[:, lane]),
                     contour=series("contour", planned.unit, errors.contour[:, lane]),
                     ending=ending,
                     vibration=vibration,
@@ -337,7 +389,9 @@ def _build_metrics(
                     planned=freeze_array(errors.planned[own]),
                     attained=freeze_array(errors.attained[own, lane]),
                     effort=effort,
-                    lost_steps=None if lanes.lost is None else freeze_array(lanes.lost[b], np.float64),
+                    lost_steps=None
+                    if lanes.lost is None
+                    else freeze_array(lanes.lost[b], np.float64),
                 )
             )
     return tuple(found)

@@ -1,4 +1,6 @@
-"""ISO-style accuracy and repeatability of a batch of cycles of one task: along its path, and of poses at rest."""
+"""ISO-style accuracy and repeatability of a batch of cycles of one task: along its path, and of
+poses at rest.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,13 @@ from kinematics.foundation.table import Column, Table
 
 @dataclass(frozen=True, slots=True)
 class PoseAccuracy(Result):
-    """AP and RP of n arrivals in one commanded pose, in the style of ISO 9283; a simulation certifies nothing.
+    """AP and RP of n arrivals in one commanded pose, in the style of ISO 9283; a simulation
+    certifies nothing.
 
     accuracy       AP = ‖x̄ − x_c‖, m
     repeatability  RP = l̄ + 3 S_l, l_j = ‖x_j − x̄‖, S with n − 1, m
-    turn, turn_band  (3,) rad: ᾱ − α_c and 3 S_α about x, y, z of the commanded frame; None where not known
+    turn, turn_band  (3,) rad: ᾱ − α_c and 3 S_α about x, y, z of the commanded frame; None where
+                     not known
     """
 
     cycles: int
@@ -47,14 +51,18 @@ def figures_table(title: str, figures: Mapping[str, float]) -> Table:
     """Figures in m or, of angles, in rad; those that are not known are left out."""
     known = {name: value for name, value in figures.items() if np.isfinite(value)}
     units = ["m" if name.endswith(("accuracy", "repeatability")) else "rad" for name in known]
-    columns = (Column("figure", [*known]), Column("value", [*known.values()], units, "micro", ".3f"))
+    columns = (
+        Column("figure", [*known]),
+        Column("value", [*known.values()], units, "micro", ".3f"),
+    )
     return Table(title, columns)
 
 
 def pose_accuracy(points: Array, commanded: Array, turned: Array | None = None) -> PoseAccuracy:
     """From attained points (n, 3), m, and the commanded one (3,).
 
-    turned  (n, 3) rad, rotation vectors log(R_cᵀ R) of the attained orientations against the commanded one, or None
+    turned  (n, 3) rad, rotation vectors log(R_cᵀ R) of the attained orientations against the
+            commanded one, or None
 
     Raises MotionError for fewer than two arrivals, which have no scatter.
     """
@@ -80,16 +88,21 @@ def angle_figures(what: str, turn: Array | None, band: Array | None) -> dict[str
     figures: dict[str, float] = {}
     for kind, values in (("accuracy", turn), ("repeatability", band)):
         largest = np.full(3, np.nan) if values is None else np.abs(values).reshape(-1, 3).max(0)
-        figures |= {f"{what}_{kind}_r{axis}": float(value) for axis, value in zip("xyz", largest, strict=True)}
+        figures |= {
+            f"{what}_{kind}_r{axis}": float(value)
+            for axis, value in zip("xyz", largest, strict=True)
+        }
     return figures
 
 
 @dataclass(frozen=True, slots=True)
 class PathAccuracy(Result):
-    """AT and RT of n cycles at m stations, in the style of ISO 9283; a simulation certifies nothing.
+    """AT and RT of n cycles at m stations, in the style of ISO 9283; a simulation certifies
+    nothing.
 
     offset  (m,) m, ‖x̄ᵢ − x_cᵢ‖;  band (m,) m, l̄ᵢ + 3 S_lᵢ
-    turn, turn_band  (m, 3) rad, ᾱᵢ − α_cᵢ and 3 S_αᵢ about x, y, z of the commanded frame; None where not known
+    turn, turn_band  (m, 3) rad, ᾱᵢ − α_cᵢ and 3 S_αᵢ about x, y, z of the commanded frame; None
+                     where not known
     """
 
     cycles: int
@@ -141,27 +154,40 @@ class Stations:
 
 
 def path_accuracy(paths: Array, stations: Stations, rotations: Array | None = None) -> PathAccuracy:
-    """From attained paths (N, n, 3), m, of n cycles, and their rotations (N, n, 3, 3) where the stations have theirs.
+    """From attained paths (N, n, 3), m, of n cycles, and their rotations (N, n, 3, 3) where the
+    stations have theirs.
 
-    x_ij is the point where cycle j passes the plane normal to the commanded path at station i, going forward; of
-    several the nearest to the station; linear between the samples. Angles are those of the rotation vector
-    log(R_cᵢᵀ R_ij).
+    x_ij is the point where cycle j passes the plane normal to the commanded path at station i,
+    going forward; of several the nearest to the station; linear between the samples. Angles are
+    those of the rotation vector log(R_cᵢᵀ R_ij).
 
-    Raises MotionError for fewer than two cycles, which have no scatter, and for a path that misses a station's plane.
+    Raises MotionError for fewer than two cycles, which have no scatter, and for a path that misses
+    a station's plane.
     """
     cycles = paths.shape[1]
     if cycles < 2:
-        raise MotionError(f"path repeatability: {cycles} cycle has no scatter; run at least 2 (the standard has 10)")
+        raise MotionError(
+            f"path repeatability: {cycles} cycle has no scatter; run at least 2 (the standard has 10)"
+        )
     x, turned = [], []
     for i in range(len(stations.points)):
         index, share = _find_crossing(paths, stations, i)
         x.append(_interpolate(paths, index, share))
         if rotations is not None and stations.rotations is not None:
             near = slice(index.min(), index.max() + 2)
-            turned.append(_interpolate(_vectors(stations.rotations[i], rotations[near]), index - near.start, share))
+            turned.append(
+                _interpolate(
+                    _vectors(stations.rotations[i], rotations[near]), index - near.start, share
+                )
+            )
     return PathAccuracy(
         cycles,
-        freeze_array([np.linalg.norm(of.mean(0) - station) for of, station in zip(x, stations.points, strict=True)]),
+        freeze_array(
+            [
+                np.linalg.norm(of.mean(0) - station)
+                for of, station in zip(x, stations.points, strict=True)
+            ]
+        ),
         freeze_array([spread(of) for of in x]),
         freeze_array([of.mean(0) for of in turned]) if turned else None,
         freeze_array([3 * of.std(0, ddof=1) for of in turned]) if turned else None,
@@ -174,7 +200,9 @@ def _vectors(commanded: Array, rotations: Array) -> Array:
 
 
 def _find_crossing(paths: Array, stations: Stations, i: int) -> tuple[np.ndarray, Array]:
-    """Sample (n,) before the plane of station i, and share of the way to the next, of each cycle."""
+    """Sample (n,) before the plane of station i, and share of the way to the next, of each
+    cycle.
+    """
     station = stations.points[i]
     ahead = (paths - station) @ stations.tangents[i]
     passing = (ahead[:-1] < 0) & (ahead[1:] >= 0)

@@ -1,8 +1,9 @@
-"""What is known of how one run tracked its motion: errors over time, their figures, and how the motion ends.
+"""What is known of how one run tracked its motion: errors over time, their figures, and how the
+motion ends.
 
-The names under which the figures of a run go into tables and files, with what they are and in which unit. What a motion
-costs the drives: torque, time at its limit; and how much the shafts shake: the jerk of a shaft, and what of its error
-is faster than the host.
+The names under which the figures of a run go into tables and files, with what they are and in which
+unit. What a motion costs the drives: torque, time at its limit; and how much the shafts shake: the
+jerk of a shaft, and what of its error is faster than the host.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ TORQUE_BLOCK = 512
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Torque (or force) over its limit in one run: RMS and peak; saturation, the share of time at the limit; (n,)."""
+    """Torque (or force) over its limit in one run: RMS and peak; saturation, the share of time at
+    the limit; (n,).
+    """
 
     torque_rms: Array
     torque_peak: Array
@@ -34,7 +37,9 @@ class Effort:
 
 
 def torque_limits(rigs: Sequence[Rig]) -> Array:
-    """(B, n) N or N·m: of a servo its torque limit, of a stepper the largest of its curve, whatever its speed."""
+    """(B, n) N or N·m: of a servo its torque limit, of a stepper the largest of its curve, whatever
+    its speed.
+    """
     return np.array([[drive.torque_limit for drive in rig.drives] for rig in rigs])
 
 
@@ -64,8 +69,8 @@ class Vibration:
     above     Hz, 1/dt of the host
     jerk_rms  (n,) m/s³ or rad/s³: third differences over sample³, which see a tone at f as
               (sin(π f sample)/(π f sample))³ of its jerk
-    power     (n,) m² or rad²: mean square of actual − planned position at frequencies from `above` on; nan where the
-              samples are too far apart to see any
+    power     (n,) m² or rad²: mean square of actual − planned position at frequencies from `above`
+              on; nan where the samples are too far apart to see any
     """
 
     sample: float
@@ -74,12 +79,15 @@ class Vibration:
     power: Array
 
 
-def vibrations(t: Array, actual: Array, planned: Array, pulse: Array, host_step: float) -> tuple[Vibration, ...]:
-    """Of B runs: actual (N, B, n) and planned (N, n) positions in pulses at t (N,), s; pulse (n,), m or rad.
+def vibrations(
+    t: Array, actual: Array, planned: Array, pulse: Array, host_step: float
+) -> tuple[Vibration, ...]:
+    """Of B runs: actual (N, B, n) and planned (N, n) positions in pulses at t (N,), s; pulse (n,),
+    m or rad.
 
-    Spectrum of the whole record, X = rfft(w (e − ē)) with Hann's window w: power = 2 Σ |X_k|² / (N Σ w²) over the bins
-    with f_k ≥ 1/host_step, less the half width of the window's lobe: what repeats at every step of the host counts. A
-    tone of amplitude A there has A²/2.
+    Spectrum of the whole record, X = rfft(w (e − ē)) with Hann's window w: power = 2 Σ |X_k|² / (N
+    Σ w²) over the bins with f_k ≥ 1/host_step, less the half width of the window's lobe: what
+    repeats at every step of the host counts. A tone of amplitude A there has A²/2.
     """
     n, (runs, axes) = len(t), actual.shape[1:]
     sample, above = float(t[1] - t[0]), 1 / host_step
@@ -97,14 +105,22 @@ def vibrations(t: Array, actual: Array, planned: Array, pulse: Array, host_step:
             error = lanes - planned.T
             error -= error.mean(-1, keepdims=True)
             spectrum = np.fft.rfft(error * window)[..., first:]
-            power[some] = (spectrum.real**2 + spectrum.imag**2) @ weight[first:] / (n * np.sum(window**2))
+            power[some] = (
+                (spectrum.real**2 + spectrum.imag**2) @ weight[first:] / (n * np.sum(window**2))
+            )
     jerk, power = jerk * pulse, power * pulse**2
-    return tuple(Vibration(sample, above, freeze_array(j), freeze_array(p)) for j, p in zip(jerk, power, strict=True))
+    return tuple(
+        Vibration(sample, above, freeze_array(j), freeze_array(p))
+        for j, p in zip(jerk, power, strict=True)
+    )
 
 
 END_BAND = 10.0
-"""Pulses about the last planned position within which an axis counts as being there. Assumed: no source states one; it
-is 0.024° of an output turn on the thesis' servo rig, 7.5 µm on its hexapod."""
+"""Pulses about the last planned position within which an axis counts as being there.
+
+Assumed: no source states one; it is 0.024° of an output turn on the thesis' servo rig, 7.5 µm on
+its hexapod.
+"""
 BLOCK_INSTANTS = 256
 """Samples looked at together, from the last one back."""
 
@@ -114,10 +130,12 @@ class Ending:
     """The end of one run, to a sample of its record.
 
     band       pulses
-    end_time   s, from which all axes stay within the band to the end of the record; inf if they are not in it then
+    end_time   s, from which all axes stay within the band to the end of the record; inf if they are
+               not in it then
     late       s, end_time − planned duration
     settling   (n,) s of each axis after the planned duration, 0 or more
-    overshoot  (n,) m or rad, 0 or more: beyond the last position, seen in the direction in which the plan came to it
+    overshoot  (n,) m or rad, 0 or more: beyond the last position, seen in the direction in which
+               the plan came to it
     """
 
     band: float
@@ -130,7 +148,8 @@ class Ending:
 def endings(
     t: Array, actual: Array, planned: Array, duration: float, pulse: Array, band: float = END_BAND
 ) -> tuple[Ending, ...]:
-    """Of B runs: actual (N, B, n) and planned (N, n) positions in pulses at t (N,), s; pulse (n,), m or rad.
+    """Of B runs: actual (N, B, n) and planned (N, n) positions in pulses at t (N,), s; pulse (n,),
+    m or rad.
 
     A run is within the band where |q − q_end| ≤ band on every axis.
     """
@@ -146,14 +165,19 @@ def endings(
     ends = since.max(1)
     return tuple(
         Ending(
-            band, float(ends[b]), float(ends[b] - duration), *map(freeze_array, (np.maximum(of - duration, 0.0), over))
+            band,
+            float(ends[b]),
+            float(ends[b] - duration),
+            *map(freeze_array, (np.maximum(of - duration, 0.0), over)),
         )
         for b, (of, over) in enumerate(zip(since, overshoot, strict=True))
     )
 
 
 def _settling_instants(t: Array, actual: Array, end: Array, band: float) -> Array:
-    """(B, n) instants from which each axis stays within the band; looked for from the end back, where they are."""
+    """(B, n) instants from which each axis stays within the band; looked for from the end back,
+    where they are.
+    """
     since = np.full(actual.shape[1:], t[0])
     open_ = np.ones(actual.shape[1:], bool)
     for stop in range(len(t), 0, -BLOCK_INSTANTS):
@@ -172,9 +196,10 @@ def _settling_instants(t: Array, actual: Array, end: Array, band: float) -> Arra
 class Figure:
     """A figure of a run; smaller is better in all of them.
 
-    unit  SI; "axis" stands for the axis' own, m or rad, and "path" for m, or rad where the motion is of turning axes
-          alone and has no path in space
-    per_axis  it is there for each axis too, as `<name>.<axis>`: the plain name is then the worst axis' value
+    unit  SI; "axis" stands for the axis' own, m or rad, and "path" for m, or rad where the motion
+          is of turning axes alone and has no path in space
+    per_axis  it is there for each axis too, as `<name>.<axis>`: the plain name is then the worst
+              axis' value
     """
 
     name: str
@@ -203,8 +228,15 @@ FIGURES = (
         "from the planned end until an axis stays within the band about its last position",
         per_axis=True,
     ),
-    Figure("overshoot", "axis", "how far an axis goes beyond its last position after the planned end", per_axis=True),
-    Figure("end_time", "s", "instant from which all axes stay within the band; inf if they never do"),
+    Figure(
+        "overshoot",
+        "axis",
+        "how far an axis goes beyond its last position after the planned end",
+        per_axis=True,
+    ),
+    Figure(
+        "end_time", "s", "instant from which all axes stay within the band; inf if they never do"
+    ),
     Figure("late", "s", "end_time − planned duration; below 0 for a motion that is there early"),
     Figure("jerk_rms", "axis/s³", "jerk of the axis' shaft, RMS", per_axis=True),
     Figure(
@@ -222,7 +254,9 @@ FIGURES = (
 
 @dataclass(frozen=True, slots=True)
 class ErrorSeries:
-    """An error over time: values (N,), m or rad, signed where it has a sign; its figures are of the magnitude."""
+    """An error over time: values (N,), m or rad, signed where it has a sign; its figures are of the
+    magnitude.
+    """
 
     name: str
     unit: str
@@ -248,7 +282,8 @@ class ErrorSeries:
 
 @dataclass(frozen=True, slots=True)
 class Metrics(Result):
-    """Errors of one tracked motion at instants t (N,), s, settling included, with effort and vibration.
+    """Errors of one tracked motion at instants t (N,), s, settling included, with effort and
+    vibration.
 
     following    actual − planned of each axis, m or rad
     tracking     ‖e‖, e = y(t) − r(t), of the platform's origin, m
@@ -260,8 +295,8 @@ class Metrics(Result):
     effort       None where torques are not recorded
     lost_steps   (n,) full steps; None where they are not counted
 
-    Of a motion that has no path in space, tracking, lag and contour error are those of its axes' positions together,
-    (N, n) of which are planned and attained: m, or rad on turning axes.
+    Of a motion that has no path in space, tracking, lag and contour error are those of its axes'
+    positions together, (N, n) of which are planned and attained: m, or rad on turning axes.
     """
 
     law: str
@@ -286,9 +321,11 @@ class Metrics(Result):
         return (*self.following, *(series for series in space if series is not None))
 
     def figures(self) -> dict[str, float]:
-        """Every figure by its name, see `FIGURES`: nan where it is not known, inf where the motion never came to rest.
+        """Every figure by its name, see `FIGURES`: nan where it is not known, inf where the motion
+        never came to rest.
 
-        Of what each axis has, `<name>.<axis>` is an axis' own and `<name>` the worst one's, by pulses.
+        Of what each axis has, `<name>.<axis>` is an axis' own and `<name>` the worst one's, by
+        pulses.
         """
         of_axes = self._of_axes()
         found = {
@@ -305,7 +342,10 @@ class Metrics(Result):
             "orientation_max": np.nan if self.orientation is None else self.orientation.max,
             "end_time": self.ending.end_time,
             "late": self.ending.late,
-            **{name: values[int(np.argmax(values * own))] for name, (values, own) in of_axes.items()},
+            **{
+                name: values[int(np.argmax(values * own))]
+                for name, (values, own) in of_axes.items()
+            },
         }
         axes = [series.name for series in self.following]
         return {figure.name: float(found[figure.name]) for figure in FIGURES} | {
@@ -340,7 +380,13 @@ class Metrics(Result):
             (
                 Column("error", [series.name for series in self.series]),
                 *(
-                    Column(title, [getattr(series, title.lower()) for series in self.series], units, "micro", ".3f")
+                    Column(
+                        title,
+                        [getattr(series, title.lower()) for series in self.series],
+                        units,
+                        "micro",
+                        ".3f",
+                    )
                     for title in ("RMS", "P95", "max")
                 ),
                 *Place.columns([series.where for series in self.series]),

@@ -22,9 +22,18 @@ TABLES = ("Parameters", "Other Parameters", "Attributes", "Returns", "Yields", "
 _LONGEST = re.compile(r"^(\w[\w, ]*\w) $")
 # What signatures spell out, and how the code calls it.
 _ALIASES = (
-    (r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.float64\]\]", "Array"),
-    (r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.(\w+)\]\]", r"ndarray[\1]"),
-    (r"~?numpy\._typing\._array_like\._Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]", "ArrayLike"),
+    (
+        r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.float64\]\]",
+        "Array",
+    ),
+    (
+        r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.(\w+)\]\]",
+        r"ndarray[\1]",
+    ),
+    (
+        r"~?numpy\._typing\._array_like\._Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]",
+        "ArrayLike",
+    ),
     (r"~?scipy\.spatial\.transform\._rigid_transform\.RigidTransform", "~pulsepath.Pose"),
 )
 _ANNOTATED = re.compile(r"~?(?:typing\.)?Annotated\[")
@@ -37,14 +46,18 @@ def as_rest(text: str) -> str:
     before, *sections = _SECTION.split(_join_code(dedent(text).strip("\n")))
     shown = [_prose(before)] if before.strip() else []
     for title, body in zip(sections[::2], sections[1::2], strict=True):
-        shown.append(f".. rubric:: {title}\n\n{_table(dedent(body)) if title in TABLES else _prose(dedent(body))}")
+        shown.append(
+            f".. rubric:: {title}\n\n{_table(dedent(body)) if title in TABLES else _prose(dedent(body))}"
+        )
     return "\n\n".join(shown)
 
 
 def _join_code(text: str) -> str:
     """With names in quotes that a line end divides on one line."""
     return "\n\n".join(
-        part if part.count("`") % 2 else _CODE.sub(lambda found: f"`{' '.join(found[1].split())}`", part)
+        part
+        if part.count("`") % 2
+        else _CODE.sub(lambda found: f"`{' '.join(found[1].split())}`", part)
         for part in re.split(r"\n[ ]*\n", text)
     )
 
@@ -56,9 +69,15 @@ def _prose(text: str) -> str:
 def _table(body: str) -> str:
     """Names, each with what is set in below it, as rows of two cells."""
     rows = [".. list-table::", "   :widths: 25 75", "   :class: arguments", ""]
-    for name, meaning in re.findall(r"^(\S.*)\n((?:(?: .*)?\n)*)", body.strip("\n") + "\n", re.MULTILINE):
+    for name, meaning in re.findall(
+        r"^(\S.*)\n((?:(?: .*)?\n)*)", body.strip("\n") + "\n", re.MULTILINE
+    ):
         cell = _prose(dedent(meaning)).splitlines()
-        rows += [f"   * - ``{name}``", f"     - {cell[0]}", *(f"       {line}".rstrip() for line in cell[1:])]
+        rows += [
+            f"   * - ``{name}``",
+            f"     - {cell[0]}",
+            *(f"       {line}".rstrip() for line in cell[1:]),
+        ]
     return "\n".join(rows)
 
 
@@ -107,7 +126,13 @@ def _docstring(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines:
 
 
 def _signature(
-    app: Sphinx, what: str, name: str, obj: Any, options: Any, signature: str | None, returns: str | None
+    app: Sphinx,
+    what: str,
+    name: str,
+    obj: Any,
+    options: Any,
+    signature: str | None,
+    returns: str | None,
 ) -> tuple[str | None, str | None]:
     return _plain(signature), _plain(returns)
 

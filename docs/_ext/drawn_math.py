@@ -39,7 +39,9 @@ WORD = re.compile(r"\\([A-Za-z]+)")
 
 def drawn(tex: str, size: float = 1.0) -> str:
     """One formula as an svg element, its base line on that of the text; ValueError where mathtext cannot read it."""
-    primed = " ".join(tex.split()).replace("'''", "‴").replace("''", "″").replace("'", "′")  # mathtext's are tiny
+    primed = (
+        " ".join(tex.split()).replace("'''", "‴").replace("''", "″").replace("'", "′")
+    )  # mathtext's are tiny
     source = "$" + WORD.sub(lambda word: WORDS.get(word[1], word[0]), primed) + "$"
     with rc_context({"mathtext.fontset": "stix"}):
         font = FontProperties(size=EM)
@@ -71,7 +73,9 @@ def inline(writer: Any, node: nodes.math) -> None:
 
 
 def block(writer: Any, node: nodes.math_block) -> None:
-    tex = ROWS.sub("", node.astext()).replace(r"\frac", r"\dfrac")  # as TeX has fractions on lines of their own
+    tex = ROWS.sub("", node.astext()).replace(
+        r"\frac", r"\dfrac"
+    )  # as TeX has fractions on lines of their own
     rows = [row for row in re.split(r"\\\\", tex) if row.strip()]
     writer.body.append(writer.starttag(node, "div", CLASS="math"))
     if node["number"]:

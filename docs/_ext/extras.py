@@ -20,7 +20,9 @@ class Extras(SphinxDirective):
         for name, wanted in tomllib.loads(text)["project"]["optional-dependencies"].items():
             comment = re.search(rf"^{name} = \[[^\n]*\] # (.*)$", text, re.MULTILINE)
             packages = ", ".join(re.split(r"[\[<>=;]", package)[0] for package in wanted)
-            told = comment[1] if comment else "working on pulsepath itself: all that the checks need"
+            told = (
+                comment[1] if comment else "working on pulsepath itself: all that the checks need"
+            )
             rows.append(f"| `{name}` | {told} | {packages} |")
         return self.parse_text_to_nodes("\n".join(rows))
 

@@ -55,9 +55,13 @@ def takes(kind: Any, metadata: tuple[Any, ...] = ()) -> str:
         return takes(get_args(kind)[0], kind.__metadata__)
     if get_origin(kind) in (Union, UnionType):
         if any(isinstance(part, type) and issubclass(part, TableSchema) for part in get_args(kind)):
-            return " or ".join(dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType))
+            return " or ".join(
+                dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType)
+            )
         if not any(isinstance(mark, Chosen) for mark in metadata):
-            return " or ".join(dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType))
+            return " or ".join(
+                dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType)
+            )
     for mark in metadata:
         if isinstance(mark, Chosen) and (choices := list(dict.fromkeys(probed(mark)))):
             return ", or ".join(choices)
@@ -73,7 +77,9 @@ def takes(kind: Any, metadata: tuple[Any, ...] = ()) -> str:
         return f"table of {takes(get_args(kind)[1])}"
     if isinstance(kind, type) and issubclass(kind, TableSchema):
         return "table"
-    return {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}.get(kind, "")
+    return {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}.get(
+        kind, ""
+    )
 
 
 def probed(mark: Chosen) -> Iterator[str]:
@@ -90,16 +96,30 @@ def probed(mark: Chosen) -> Iterator[str]:
 def quantity(unit: Unit) -> str:
     bounds = (("above", unit.above), ("at least", unit.least), ("at most", unit.most))
     near = everyday_unit(unit.unit)
-    said = [f"{word} {describe(bound, near) if bound else 0}" for word, bound in bounds if abs(bound) < 1e9]
-    text = " ".join(['quantity, as `"', unit.like or f"20 {near}", '"`']).replace('`" ', '`"').replace(' "`', '"`')
-    return text + (f", or number of `{unit.plain}`" if unit.plain else "") + (f"; {', '.join(said)}" if said else "")
+    said = [
+        f"{word} {describe(bound, near) if bound else 0}"
+        for word, bound in bounds
+        if abs(bound) < 1e9
+    ]
+    text = (
+        " ".join(['quantity, as `"', unit.like or f"20 {near}", '"`'])
+        .replace('`" ', '`"')
+        .replace(' "`', '"`')
+    )
+    return (
+        text
+        + (f", or number of `{unit.plain}`" if unit.plain else "")
+        + (f"; {', '.join(said)}" if said else "")
+    )
 
 
 def unit_in(kind: Any, metadata: tuple[Any, ...] = ()) -> Unit | None:
     """The unit of an annotation, or of the numbers of its array; None where there is none."""
     marks = (*metadata, *getattr(kind, "__metadata__", ()))
     inner = (unit_in(part) for part in get_args(kind))
-    return next((mark for mark in marks if isinstance(mark, Unit)), None) or next(filter(None, inner), None)
+    return next((mark for mark in marks if isinstance(mark, Unit)), None) or next(
+        filter(None, inner), None
+    )
 
 
 def default(field: Any) -> str:
@@ -111,14 +131,19 @@ def default(field: Any) -> str:
     unit = unit_in(field.annotation, tuple(field.metadata))
     if unit is not None:
         near = everyday_unit(unit.unit)
-        values = [describe(each, near) if each else "0" for each in (value if isinstance(value, tuple) else (value,))]
+        values = [
+            describe(each, near) if each else "0"
+            for each in (value if isinstance(value, tuple) else (value,))
+        ]
         return ", ".join(values if len(set(values)) > 1 else values[:1])
     if isinstance(value, tuple):
         return f"`{[int(each) for each in value]}`"
     return f"`{str(value).lower() if isinstance(value, bool) else value!r}`".replace("'", '"')
 
 
-def rows(table: type[TableSchema], told: dict[str, str], without: Collection[str] = ()) -> Iterator[str]:
+def rows(
+    table: type[TableSchema], told: dict[str, str], without: Collection[str] = ()
+) -> Iterator[str]:
     """The Markdown table of a schema's keys; raises KeyError for one that nothing explains."""
     yield from ("| key | takes | default | what it is |", "| --- | --- | --- | --- |")
     for name, field in table.model_fields.items():
@@ -156,7 +181,9 @@ def kind_keys() -> list[str]:
 
 def drive_times() -> list[str]:
     """Return the table of the drives that machine files may name, with the times that each needs."""
-    lines = ["| drive | STEP high, at least | STEP low | DIR set-up | DIR hold | pulse rate, at most |"]
+    lines = [
+        "| drive | STEP high, at least | STEP low | DIR set-up | DIR hold | pulse rate, at most |"
+    ]
     lines.append("|" + " --- |" * 6)
     for name, drive in DRIVES.items():
         times = [f"{1e6 * time:g} us" for time in (drive.high, drive.low, drive.setup, drive.hold)]

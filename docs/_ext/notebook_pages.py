@@ -52,7 +52,9 @@ def shown(cell: "NotebookNode", ran: "dict[str, list[NotebookNode]] | None") -> 
         yield LINK.sub(r"](\1.md)", cell.source)
         return
     yield fence("python", MAGIC.sub("", cell.source))
-    for printed, some in groupby((ran or {}).get(cell.source, []), key=lambda output: output.output_type == "stream"):
+    for printed, some in groupby(
+        (ran or {}).get(cell.source, []), key=lambda output: output.output_type == "stream"
+    ):
         if printed:
             yield fence("text", "".join(output.text for output in some))
         else:

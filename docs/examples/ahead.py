@@ -24,7 +24,9 @@ class Ahead:
     grid: ClassVar[Grid] = {"lead": (0.0, 0.01, 0.02, 0.03, 0.04)}
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "lead", check_gain("ahead", "lead", self.lead, "about 1/position gain"))
+        object.__setattr__(
+            self, "lead", check_gain("ahead", "lead", self.lead, "about 1/position gain")
+        )
 
     @property
     def name(self) -> str:

@@ -23,7 +23,9 @@ class Ceiling(Rule):
 
     def __post_init__(self) -> None:
         if not 0.002 <= self.margin < 0.5:
-            raise MotionError(f"margin {self.margin!r} pulses: must be from 0.002 to below 0.5, e.g. 0.01")
+            raise MotionError(
+                f"margin {self.margin!r} pulses: must be from 0.002 to below 0.5, e.g. 0.01"
+            )
 
     def fire(self, part: MotionPart) -> Fired:
         return find_crossings(part, Levels(self.margin))

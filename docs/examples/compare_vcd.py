@@ -18,7 +18,9 @@ def read_pulses(path):
     head, _, body = Path(path).read_text().partition("$enddefinitions")
     words = head.split()
     names = {words[k + 3]: words[k + 4] for k, word in enumerate(words) if word == "$var"}
-    unit = "".join(words[words.index("$timescale") + 1 :][:2]).removesuffix("$end")  # "1 ns" or "1ns"
+    unit = "".join(words[words.index("$timescale") + 1 :][:2]).removesuffix(
+        "$end"
+    )  # "1 ns" or "1ns"
     number = unit.rstrip("munpfs")
     scale = float(number) * UNITS[unit[len(number) :]]
     pulses = {name.removesuffix("_STEP"): [] for name in names.values() if name.endswith("_STEP")}
@@ -41,14 +43,18 @@ def main(planned, recorded):
     theirs, wrong = read_pulses(recorded), False
     for axis, (times, ways) in read_pulses(planned).items():
         if axis not in theirs:
-            sys.exit(f"{recorded} has no lines {axis}_STEP and {axis}_DIR: name them in the recording")
+            sys.exit(
+                f"{recorded} has no lines {axis}_STEP and {axis}_DIR: name them in the recording"
+            )
         at, way = theirs[axis]
         same = min(len(times), len(at))
         off = abs(at[:same] - times[:same])
         told = f"{axis}: {len(times)} pulses, {len(at)} recorded"
         if len(times) == len(at):
             turned = int((way != ways).sum())
-            told += f", {turned} of the other direction, at most {1e9 * off.max(initial=0):.0f} ns off"
+            told += (
+                f", {turned} of the other direction, at most {1e9 * off.max(initial=0):.0f} ns off"
+            )
         else:
             turned = 0
             beside = np.flatnonzero(off > np.diff(times).min(initial=1.0) / 2)

@@ -12,7 +12,15 @@ from kinematics.files.keys import key
 from kinematics.files.schema import TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array, freeze_array
 from kinematics.foundation.units import Unit
-from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
+from kinematics.kinds.axis_keys import (
+    AXES,
+    GEOMETRY,
+    KIND,
+    OWN_AXES,
+    LinearAxis,
+    LinearDefaults,
+    axes,
+)
 from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.load import Load
@@ -43,8 +51,12 @@ class Delta(Machine):
         name: str = "delta",
         load: Load | None = None,
     ) -> None:
-        self.radius = float(finite_array(radius, f"machine {name}: radius", (), unit="m", least=LEAST_POSITIVE))
-        self.rod = float(finite_array(rod, f"machine {name}: rod", (), unit="m", least=LEAST_POSITIVE))
+        self.radius = float(
+            finite_array(radius, f"machine {name}: radius", (), unit="m", least=LEAST_POSITIVE)
+        )
+        self.rod = float(
+            finite_array(rod, f"machine {name}: rod", (), unit="m", least=LEAST_POSITIVE)
+        )
         angles = np.arange(3) * 2 * np.pi / 3
         self.rails = freeze_array(self.radius * np.stack([np.cos(angles), np.sin(angles)], 1))
         self.characteristic_length = self.radius
@@ -59,7 +71,9 @@ class Delta(Machine):
 class Geometry(TableSchema):
     """How a delta is built."""
 
-    radius: Annotated[float, Unit("m", above=0)] = key("radius of the rails minus that of the platform's joints")
+    radius: Annotated[float, Unit("m", above=0)] = key(
+        "radius of the rails minus that of the platform's joints"
+    )
     rod: Annotated[float, Unit("m", above=0)] = key("length of a rod between its joint centres")
     home: HomeTable = HOME
 
@@ -86,4 +100,11 @@ class DeltaFile(LoadedFile):
 def delta(file: DeltaFile, name: str, folder: Path | Traversable) -> Delta:
     geometry = file.geometry
     carriages = axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis, file)
-    return Delta(geometry.radius, geometry.rod, axes=carriages, home=geometry.home.numbers, name=name, load=file.load())
+    return Delta(
+        geometry.radius,
+        geometry.rod,
+        axes=carriages,
+        home=geometry.home.numbers,
+        name=name,
+        load=file.load(),
+    )

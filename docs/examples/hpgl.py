@@ -39,13 +39,18 @@ class Hpgl:
             for word in filter(None, (part.strip() for part in line.split(";"))):
                 verb, values = word[:2].upper(), word[2:].replace(",", " ").split()
                 if verb not in (*MOVES, *LEFT_OUT):
-                    faults.add(f"{describe_value(word)} is none of {', '.join((*MOVES, *LEFT_OUT))}", number)
+                    faults.add(
+                        f"{describe_value(word)} is none of {', '.join((*MOVES, *LEFT_OUT))}",
+                        number,
+                    )
                     continue
                 entities[verb] = entities.get(verb, 0) + 1
                 if verb in LEFT_OUT:
                     continue
                 if len(values) % 2 or not all(map(NUMBER.fullmatch, values)):
-                    faults.add(f"{describe_value(word)}: coordinates come in pairs of numbers", number)
+                    faults.add(
+                        f"{describe_value(word)}: coordinates come in pairs of numbers", number
+                    )
                     continue
                 height = {"PU": self.lift, "PD": 0.0, "PA": here[2]}[verb]
                 points = np.array(values, float).reshape(-1, 2) * UNIT

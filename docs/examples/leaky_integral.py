@@ -8,7 +8,16 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove
-from controllers.laws.law import Feedback, Gain, Grid, Memory, Reference, check_gain, format_gain, ramp
+from controllers.laws.law import (
+    Feedback,
+    Gain,
+    Grid,
+    Memory,
+    Reference,
+    check_gain,
+    format_gain,
+    ramp,
+)
 from controllers.rig import Timer
 
 
@@ -28,7 +37,9 @@ class LeakyIntegral:
     grid: ClassVar[Grid] = {"gain": (0.0, 1.0, 3.0, 10.0)}
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gain", check_gain("leaky-integral", "gain", self.gain, "below 1/delay"))
+        object.__setattr__(
+            self, "gain", check_gain("leaky-integral", "gain", self.gain, "below 1/delay")
+        )
 
     @property
     def name(self) -> str:
@@ -42,6 +53,10 @@ class LeakyIntegral:
     ) -> tuple[TAMove, Memory]:
         (before,), dt = memory, reference.dt
         error = reference.ang(k) - feedback.position
-        after = np.clip((1 - dt / self.leak) * before + self.gain * dt * error, -self.most, self.most)
+        after = np.clip(
+            (1 - dt / self.leak) * before + self.gain * dt * error, -self.most, self.most
+        )
         target = reference.ang(np.asarray(k) + 1) + after
-        return ramp(target, reference.npuls(k), reference.npuls(np.asarray(k) + 1), feedback.counter, dt), (after,)
+        return ramp(
+            target, reference.npuls(k), reference.npuls(np.asarray(k) + 1), feedback.counter, dt
+        ), (after,)

@@ -57,7 +57,9 @@ def command(line: str) -> tuple[float, Command]:
     kind, own = MOTIONS[name]
     values = {box: float(value) for box, value in (text.split("=") for text in boxes)}
     if locked := values.keys() - {*own, *(("radius",) if "position" in own else ())}:
-        raise MotionError(f"{line!r}: {', '.join(sorted(locked))} is locked for {name}; its boxes: {', '.join(own)}")
+        raise MotionError(
+            f"{line!r}: {', '.join(sorted(locked))} is locked for {name}; its boxes: {', '.join(own)}"
+        )
     return float(when), kind(*(pulses(box, values) for box in own))
 
 
@@ -65,7 +67,11 @@ def pulses(box: str, values: dict[str, float]) -> float | list[float]:
     """A box's value as the card takes it: pulses, pulses/s, or s."""
     value = values.get(box, 0.0)
     if box == "position":  # p = 2048/360 · n · θ, or 2048/(2π r) · n · x
-        return [value * COUNTS * GEAR / (2 * pi * values["radius"]) if "radius" in values else value * DEGREE]
+        return [
+            value * COUNTS * GEAR / (2 * pi * values["radius"])
+            if "radius" in values
+            else value * DEGREE
+        ]
     if box in ("start", "speed"):
         return [value * RPM]
     return value * RPM if box.startswith("curve") else value

@@ -25,7 +25,9 @@ class Plc:
     def write(self, source: ExportSource, path: Path) -> Exported:
         finite_array(self.period, "period", (), unit="s", least=LEAST_POSITIVE)
         axes = source.machine.axes
-        knots = choose_knots(source.counted, axes, 1, step=self.period, tolerance=None, spacing=self.period)
+        knots = choose_knots(
+            source.counted, axes, 1, step=self.period, tolerance=None, spacing=self.period
+        )
         form = make_columns(source, None)
         times = iter((steps_to_seconds(knots.steps, knots.step) * 1e3).tolist())
         with path.open("w", encoding="utf-8", newline="") as file:
@@ -33,7 +35,13 @@ class Plc:
             table.writerow(["ms", *(axis.name for axis in axes)])
             for _, units in form.blocks(source, knots, 1):
                 table.writerows([f"{next(times):g}", *row] for row in form.text_rows(units))
-        return compare(source.counted, axes, knots, _points(form, path), (f"positions in {form.unit} from home",))
+        return compare(
+            source.counted,
+            axes,
+            knots,
+            _points(form, path),
+            (f"positions in {form.unit} from home",),
+        )
 
 
 def _points(form: Columns, path: Path) -> Iterator[tuple[Array, Array]]:

@@ -1,1 +1,3 @@
-"""What is computed of a machine: forward kinematics, singularities, workspace, clearance, forces."""
+"""What is computed of a machine: forward kinematics, singularities, workspace, clearance,
+forces.
+"""

@@ -1,25 +1,32 @@
-"""Assembly modes: every pose of a hexapod for given leg lengths, by continuation of all complex solutions.
+"""Assembly modes: every pose of a hexapod for given leg lengths, by continuation of all complex
+solutions.
 
-A pose is a point of projective space: (e, h), with a quaternion e of the rotation and h = p e for the position p, so
-that e·h = 0 and p = h e*/(e·e) (Study's quadric). Leg i of length l_i between b_i and a_i, ‖p + R a_i − b_i‖ = l_i,
-multiplied by e·e is a quadratic form [Wampler 1996]:
+A pose is a point of projective space: (e, h), with a quaternion e of the rotation and h = p e for
+the position p, so that e·h = 0 and p = h e*/(e·e) (Study's quadric). Leg i of length l_i between
+b_i and a_i, ‖p + R a_i − b_i‖ = l_i, multiplied by e·e is a quadratic form [Wampler 1996]:
 
     h·h + 2 h·(e a_i − b_i e) + c_i e·e − 2 (b_i e)·(e a_i) = 0,    c_i = a_i·a_i + b_i·b_i − l_i².
 
-With Study's condition these are seven equations in P⁷. Where e·e = 0 there is no pose. For almost all complex
-parameters θ = (a, b, c), 40 solutions remain [Ronga and Vust 1995, Mourrain 1993], and they move smoothly with θ. Two
-steps find them:
+With Study's condition these are seven equations in P⁷. Where e·e = 0 there is no pose. For almost
+all complex parameters θ = (a, b, c), 40 solutions remain [Ronga and Vust 1995, Mourrain 1993], and
+they move smoothly with θ. Two steps find them:
 
-1. Once, for random complex θ₀: one solution is made by choosing the pose and computing c. Followed round closed loops
-   of θ it comes back as another of the 40, since they are branches of one irreducible family (monodromy). New ones are
+1. Once, for random complex θ₀: one solution is made by choosing the pose and computing c. Followed
+   round closed loops
+   of θ it comes back as another of the 40, since they are branches of one irreducible family
+   (monodromy). New ones are
    sent round again until there are 40.
-2. For a machine and its lengths θ₁, all 40 are followed along θ₀ + t (θ₁ − θ₀). This line misses the θ of multiple
-   solutions, which have two real dimensions less than all θ, with probability one. So every isolated solution of θ₁ is
-   the end of a path; where it has fewer than 40 (coincident or coplanar joints), the other paths lead to e·e = 0.
+2. For a machine and its lengths θ₁, all 40 are followed along θ₀ + t (θ₁ − θ₀). This line misses
+   the θ of multiple
+   solutions, which have two real dimensions less than all θ, with probability one. So every
+   isolated solution of θ₁ is
+   the end of a path; where it has fewer than 40 (coincident or coplanar joints), the other paths
+   lead to e·e = 0.
 
-Two paths that end in the same pose mean that one of them jumped, and of the real θ₁ every solution that is not real has
-its conjugate: what breaks these rules is followed again in smaller steps. Real solutions are polished by the machine's
-own Newton. [Sommese and Wampler 2005, The Numerical Solution of Systems of Polynomials; Dietmaier 1998]
+Two paths that end in the same pose mean that one of them jumped, and of the real θ₁ every solution
+that is not real has its conjugate: what breaks these rules is followed again in smaller steps. Real
+solutions are polished by the machine's own Newton. [Sommese and Wampler 2005, The Numerical
+Solution of Systems of Polynomials; Dietmaier 1998]
 """
 
 from __future__ import annotations
@@ -44,7 +51,8 @@ Complex = NDArray[np.complex128]
 Equations = Callable[[np.ndarray, Array, Complex], tuple[Complex, Complex, Complex]]
 """(rows (M,) of the batch, t (M,), y (M, n + 1)) -> F (M, n), ∂F/∂y (M, n, n + 1), ∂F/∂t (M, n)."""
 
-# Corrections by Newton after a prediction, and the last one's size by which they count as converged.
+# Corrections by Newton after a prediction, and the last one's size by which they count as
+# converged.
 MAX_CORRECTIONS, CORRECTION_TOLERANCE = 3, 1e-10
 # Steps of a solution at most; its first and its shortest.
 MAX_STEPS, FIRST_STEP, MIN_STEP = 2000, 0.02, 1e-9
@@ -53,11 +61,11 @@ MAX_STEPS, FIRST_STEP, MIN_STEP = 2000, 0.02, 1e-9
 def follow(equations: Equations, y: Complex, trust: float) -> tuple[Complex, Array]:
     """The solutions y (N, n + 1) of t = 0 at t = 1, and the t (N,) that each has reached.
 
-    A solution is a point of projective space, so none can run away: it is kept at length one, and each step moves in
-    the plane that touches the sphere in it. Predicted by Runge and Kutta's rule of fourth order for
-    ẏ = −(∂F/∂y)⁻¹ ∂F/∂t, corrected by Newton. A step counts if the prediction was right within `trust` and Newton
-    converges; each solution takes its own steps, as long as that allows. What ends in a multiple solution stays below
-    t = 1, close to it.
+    A solution is a point of projective space, so none can run away: it is kept at length one, and
+    each step moves in the plane that touches the sphere in it. Predicted by Runge and Kutta's rule
+    of fourth order for ẏ = −(∂F/∂y)⁻¹ ∂F/∂t, corrected by Newton. A step counts if the prediction
+    was right within `trust` and Newton converges; each solution takes its own steps, as long as
+    that allows. What ends in a multiple solution stays below t = 1, close to it.
     """
     y = y / np.linalg.norm(y, axis=1, keepdims=True)
     t, step = np.zeros(len(y)), np.full(len(y), FIRST_STEP)
@@ -91,7 +99,9 @@ def follow(equations: Equations, y: Complex, trust: float) -> tuple[Complex, Arr
 
 
 def _solve(matrix: Complex, right: Complex, now: Complex) -> Complex:
-    """Solutions (M, n + 1) of matrix (M, n, n + 1) and right (M, n) at right angles to `now` (M, n + 1)."""
+    """Solutions (M, n + 1) of matrix (M, n, n + 1) and right (M, n) at right angles to `now` (M, n
+    + 1).
+    """
     square = np.concatenate([matrix, now.conj()[:, None]], 1)
     full = np.concatenate([right, np.zeros((len(right), 1))], 1)[:, :, None]
     try:
@@ -103,14 +113,19 @@ def _solve(matrix: Complex, right: Complex, now: Complex) -> Complex:
 GENERIC_SOLUTIONS = 40
 """Poses of almost every hexapod, complex ones counted."""
 RESIDUAL_SHARE = 1e-12
-"""Largest |inverse(pose) − q| of what is listed, as a share of the longest leg (of 1 m, if that is more)."""
-# Poses (of a machine of size one) nearer than this are the same; solutions whose e·e is smaller are none.
+"""Largest |inverse(pose) − q| of what is listed, as a share of the longest leg (of 1 m, if that is
+more).
+"""
+# Poses (of a machine of size one) nearer than this are the same; solutions whose e·e is smaller are
+# none.
 SAME_POSE_TOLERANCE, MIN_SQUARED_NORM = 1e-6, 1e-9
 # Largest imaginary part of what may be real: a path to a double solution stops some 1e-2 before it.
 MAX_IMAGINARY_PART = 0.1
-# How well a prediction must agree with its correction: at first, and where paths are followed again.
+# How well a prediction must agree with its correction: at first, and where paths are followed
+# again.
 TRUST_TOLERANCES = (1e-4, 1e-6, 1e-8)
-# Rounds of loops after which the search for a generic machine's solutions gives up; three suffice as a rule.
+# Rounds of loops after which the search for a generic machine's solutions gives up; three suffice
+# as a rule.
 MAX_LOOP_ROUNDS = 60
 
 
@@ -132,14 +147,18 @@ class LegParameters:
 
 
 def assembly_modes(machine: Legged, q: ArrayLike, *, seed: int = 0) -> Pose:
-    """All real poses found for leg lengths q (6,), as one batch: none twice, |inverse(pose) − q| ≤ 1e-12 m.
+    """All real poses found for leg lengths q (6,), as one batch: none twice, |inverse(pose) − q| ≤
+    1e-12 m.
 
-    Only isolated poses are looked for: not those of a platform that moves on locked legs (base and platform similar).
-    seed chooses the generic machine that the search starts from. Raises MotionError for lengths that are none.
+    Only isolated poses are looked for: not those of a platform that moves on locked legs (base and
+    platform similar). seed chooses the generic machine that the search starts from. Raises
+    MotionError for lengths that are none.
     """
     from scipy.spatial.transform import RigidTransform, Rotation
 
-    lengths = finite_array(q, f"machine {machine.name}: lengths of its legs", (6,), unit="m", least=LEAST_POSITIVE)
+    lengths = finite_array(
+        q, f"machine {machine.name}: lengths of its legs", (6,), unit="m", least=LEAST_POSITIVE
+    )
     above, below = machine.platform.mean(0), machine.base.mean(0)
     a, b = machine.platform - above, machine.base - below
     size = float(np.sqrt(((a**2).sum() + (b**2).sum() + (lengths**2).sum()) / 18))
@@ -149,7 +168,9 @@ def assembly_modes(machine: Legged, q: ArrayLike, *, seed: int = 0) -> Pose:
     position, rotation = _poses(y)
     real = np.abs(_entries(y).imag).max(1) < MAX_IMAGINARY_PART
     turn = Rotation.from_matrix(rotation[real].real)
-    near = RigidTransform.from_components(size * position[real].real + below - turn.apply(above), turn)
+    near = RigidTransform.from_components(
+        size * position[real].real + below - turn.apply(above), turn
+    )
     found = machine.forward(np.tile(lengths, (len(near), 1)), near)
     solved = to_numbers(found.pose)[found.residual <= RESIDUAL_SHARE * max(1.0, lengths.max())]
     return from_numbers(solved[~find_repeats(solved / np.repeat([size, 1.0], [3, 9]))])
@@ -167,7 +188,10 @@ def solve_modes(target: LegParameters, seed: int) -> Complex:
         at_end = np.flatnonzero(finite & (arrived == 1))
         values = _entries(ends[at_end])
         apart = np.abs(values[:, None] - values).max(2) + np.diag(np.full(len(values), np.inf))
-        conjugate = np.abs(values[:, None] - values.conj()).max(2).min(1, initial=np.inf) < SAME_POSE_TOLERANCE
+        conjugate = (
+            np.abs(values[:, None] - values.conj()).max(2).min(1, initial=np.inf)
+            < SAME_POSE_TOLERANCE
+        )
         suspect = np.zeros(len(start), bool)
         suspect[at_end] = (apart.min(1, initial=np.inf) < SAME_POSE_TOLERANCE) | ~conjugate
         if not suspect.any():
@@ -188,7 +212,11 @@ def solve_generic(seed: int) -> tuple[LegParameters, Complex]:
     legs = LegParameters(legs.a, legs.b, legs.c - left / (y[0, :4] @ y[0, :4]))
     for _ in range(MAX_LOOP_ROUNDS):
         loops = -(-GENERIC_SOLUTIONS // len(y))
-        corners = [legs.repeat(loops), LegParameters.random(random, loops), LegParameters.random(random, loops)]
+        corners = [
+            legs.repeat(loops),
+            LegParameters.random(random, loops),
+            LegParameters.random(random, loops),
+        ]
         ends, arrived = np.tile(y, (loops, 1)), np.ones(loops * len(y), bool)
         for k in range(3):
             one, other = (corners[j % 3].repeat(len(y)) for j in (k, k + 1))
@@ -210,8 +238,12 @@ def find_repeats(values: Complex | Array) -> np.ndarray:
 
 
 def _equations(start: LegParameters, end: LegParameters) -> Equations:
-    """Of the legs (N) on the straight line from start to end; their quadratic forms are quadratic in t."""
-    middle = LegParameters(*((x + y) / 2 for x, y in ((start.a, end.a), (start.b, end.b), (start.c, end.c))))
+    """Of the legs (N) on the straight line from start to end; their quadratic forms are quadratic
+    in t.
+    """
+    middle = LegParameters(
+        *((x + y) / 2 for x, y in ((start.a, end.a), (start.b, end.b), (start.c, end.c)))
+    )
     first, half, last = _forms(start), _forms(middle), _forms(end)
     bend = 2 * (first + last - 2 * half)
     rise = last - first - bend
@@ -222,16 +254,27 @@ def _equations(start: LegParameters, end: LegParameters) -> Equations:
         rate = rise[rows] + 2 * t * bend[rows]
         column = y[:, None, :, None]
         by_y = (forms @ column)[..., 0]
-        return (by_y @ y[:, :, None])[..., 0], 2 * by_y, ((rate @ column)[..., 0] @ y[:, :, None])[..., 0]
+        return (
+            (by_y @ y[:, :, None])[..., 0],
+            2 * by_y,
+            ((rate @ column)[..., 0] @ y[:, :, None])[..., 0],
+        )
 
     return equations
 
 
 def _forms(legs: LegParameters) -> Complex:
-    """(N, 7, 8, 8) symmetric matrices of the six legs' quadratic forms in (e, h), and of Study's 2 e·h."""
-    left, right = np.einsum("nli,ijk->nljk", legs.b, _LEFT), np.einsum("nli,ijk->nljk", legs.a, _RIGHT)
+    """(N, 7, 8, 8) symmetric matrices of the six legs' quadratic forms in (e, h), and of Study's 2
+    e·h.
+    """
+    left, right = (
+        np.einsum("nli,ijk->nljk", legs.b, _LEFT),
+        np.einsum("nli,ijk->nljk", legs.a, _RIGHT),
+    )
     forms = np.zeros((len(legs.c), 7, 8, 8), complex)
-    forms[:, :6, :4, :4] = legs.c[..., None, None] * np.eye(4) + 2 * left @ right  # (b e)·(e a) = −e·(b e a)
+    forms[:, :6, :4, :4] = (
+        legs.c[..., None, None] * np.eye(4) + 2 * left @ right
+    )  # (b e)·(e a) = −e·(b e a)
     forms[:, :6, 4:, :4] = right - left
     forms[:, :6, :4, 4:] = (right - left).swapaxes(2, 3)
     forms[:, :6, 4:, 4:] = np.eye(4)
@@ -240,9 +283,14 @@ def _forms(legs: LegParameters) -> Complex:
 
 
 def _poses(y: Complex) -> tuple[Complex, Complex]:
-    """Position (N, 3) and rotation (N, 3, 3) of solutions (N, 8): h e*/(e·e), and v ↦ e v e*/(e·e)."""
+    """Position (N, 3) and rotation (N, 3, 3) of solutions (N, 8): h e*/(e·e), and v ↦ e v
+    e*/(e·e).
+    """
     e, h = y[:, :4], y[:, 4:]
-    left, right = np.einsum("nk,kij->nij", e, _BY_LEFT), np.einsum("nk,kij->nij", e * [-1, -1, -1, 1], _BY_RIGHT)
+    left, right = (
+        np.einsum("nk,kij->nij", e, _BY_LEFT),
+        np.einsum("nk,kij->nij", e * [-1, -1, -1, 1], _BY_RIGHT),
+    )
     square = (e * e).sum(1)
     position = (right @ h[:, :, None])[:, :3, 0] / square[:, None]
     return position, (right @ left)[:, :3, :3] / square[:, None, None]
@@ -255,7 +303,9 @@ def _entries(y: Complex) -> Complex:
 
 
 def _products() -> tuple[Array, Array]:
-    """(4, 4, 4) matrices of the product by the units x, y, z, 1 from the left, and from the right."""
+    """(4, 4, 4) matrices of the product by the units x, y, z, 1 from the left, and from the
+    right.
+    """
     left, right = np.zeros((4, 4, 4)), np.zeros((4, 4, 4))
     left[3] = right[3] = np.eye(4)
     for i in range(3):

@@ -1,8 +1,8 @@
 """Clearance: how far legs stay from each other and from the platforms' discs.
 
-A leg is a capsule: all points within `leg_radius` of a segment of the line between its joint centres. A platform is a
-disc: a flat cylinder. Both distances are those of convex bodies, and exact: what a formula cannot settle (parallel,
-crossing, shrunk to a point) is settled by the ends.
+A leg is a capsule: all points within `leg_radius` of a segment of the line between its joint
+centres. A platform is a disc: a flat cylinder. Both distances are those of convex bodies, and
+exact: what a formula cannot settle (parallel, crossing, shrunk to a point) is settled by the ends.
 """
 
 from collections.abc import Hashable
@@ -13,7 +13,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
+from kinematics.foundation.arrays import (
+    LEAST_POSITIVE,
+    Array,
+    finite_array,
+    freeze_array,
+    unit_vectors,
+)
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import EPS
 
@@ -23,7 +29,9 @@ BISECTIONS_OF_ROOT = 55
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A plate in its platform's frame: a cylinder of `radius` and `thickness` (m) about `normal` at `centre`."""
+    """A plate in its platform's frame: a cylinder of `radius` and `thickness` (m) about `normal` at
+    `centre`.
+    """
 
     radius: float
     thickness: float
@@ -33,13 +41,19 @@ class Disc:
     def __post_init__(self) -> None:
         finite_array(self.radius, "disc: radius", (), unit="m", least=LEAST_POSITIVE)
         finite_array(self.thickness, "disc: thickness", (), unit="m", least=0)
-        object.__setattr__(self, "centre", freeze_array(finite_array(self.centre, "disc: centre", (3,), unit="m")))
-        object.__setattr__(self, "normal", freeze_array(unit_vectors(self.normal, "disc: normal", (3,))))
+        object.__setattr__(
+            self, "centre", freeze_array(finite_array(self.centre, "disc: centre", (3,), unit="m"))
+        )
+        object.__setattr__(
+            self, "normal", freeze_array(unit_vectors(self.normal, "disc: normal", (3,)))
+        )
 
     @property
     def numbers(self) -> Array:
         """Centre, normal, radius and thickness (8,)."""
-        return np.concatenate([self.centre, self.normal, [self.radius, self.thickness]], dtype=float)
+        return np.concatenate(
+            [self.centre, self.normal, [self.radius, self.thickness]], dtype=float
+        )
 
 
 @dataclass(frozen=True)
@@ -49,17 +63,19 @@ class Bodies:
     base, platform  (n, 3) joint centres in the frames of base and platform, m
     legs            (n,) names
     leg_radius      m, of every leg
-    leg_ends        m from either joint centre to where the segment begins; None: leg_radius, so that the capsule's
-                    round tips end in the joint centres
+    leg_ends        m from either joint centre to where the segment begins; None: leg_radius, so
+                    that the capsule's round tips end in the joint centres
     base_disc, platform_disc  the plates, in the frames of base and platform; None: not looked at
 
-    Moving the platform without turning it by v changes no distance by more than ‖v‖: a point of a leg, or of a disc,
-    moves by A v with a symmetric A between 0 and 1, so any two of them by (A − A') v, and ‖A − A'‖ ≤ 1. Turning it
-    moves the joint at r from its origin by no more than ‖r‖ times the angle: see `change`.
+    Moving the platform without turning it by v changes no distance by more than ‖v‖: a point of a
+    leg, or of a disc, moves by A v with a symmetric A between 0 and 1, so any two of them by (A −
+    A') v, and ‖A − A'‖ ≤ 1. Turning it moves the joint at r from its origin by no more than ‖r‖
+    times the angle: see `change`.
 
-    A distance is the least of those of all pairs of points that stay where they are in their bodies. Where D joins
-    such a pair, ‖D‖¨ ≤ ‖Ḋ‖²/‖D‖ + ‖D̈‖: with K no less than that for any pair, d − K τ²/2 is the least of concave
-    functions, so concave, and d lies above its chord less K τ (2 − τ)/2 over a cell of τ from 0 to 2: see `bend`.
+    A distance is the least of those of all pairs of points that stay where they are in their
+    bodies. Where D joins such a pair, ‖D‖¨ ≤ ‖Ḋ‖²/‖D‖ + ‖D̈‖: with K no less than that for any
+    pair, d − K τ²/2 is the least of concave functions, so concave, and d lies above its chord less
+    K τ (2 − τ)/2 over a cell of τ from 0 to 2: see `bend`.
     """
 
     base: Array
@@ -84,21 +100,36 @@ class Bodies:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """(k,) what is near what, in the order of `distances`."""
-        discs = [name for name, disc in (("base", self.base_disc), ("platform", self.platform_disc)) if disc]
+        discs = [
+            name
+            for name, disc in (("base", self.base_disc), ("platform", self.platform_disc))
+            if disc
+        ]
         pairs = [f"{a}–{b}" for a, b in combinations(self.legs, 2)]
         return (*pairs, *(f"{leg}–{disc}" for disc in discs for leg in self.legs))
 
     @property
     def content(self) -> Hashable:
         """What decides its distances."""
-        discs = tuple(disc and disc.numbers.tobytes() for disc in (self.base_disc, self.platform_disc))
-        return self.legs, self.ends, self.leg_radius, self.base.tobytes(), self.platform.tobytes(), discs
+        discs = tuple(
+            disc and disc.numbers.tobytes() for disc in (self.base_disc, self.platform_disc)
+        )
+        return (
+            self.legs,
+            self.ends,
+            self.leg_radius,
+            self.base.tobytes(),
+            self.platform.tobytes(),
+            discs,
+        )
 
     @cached_property
     def contact(self) -> Array:
         """(k,) m: the distance of axes, or of axis and disc, at which the bodies touch."""
         pairs = len(self.legs) * (len(self.legs) - 1) // 2
-        return freeze_array(self.leg_radius * np.array([2.0] * pairs + [1.0] * (len(self.names) - pairs)))
+        return freeze_array(
+            self.leg_radius * np.array([2.0] * pairs + [1.0] * (len(self.names) - pairs))
+        )
 
     def distances(self, x: Array) -> Array:
         """Return the distances (N, k) m at poses with the numbers x (N, 12).
@@ -127,10 +158,11 @@ class Bodies:
         return self.base + left_out, self.base + leg - left_out
 
     def change(self, x: Array, way: Array, turn: Array) -> Array:
-        """(N, k) m by which no distance changes on any path of the platform from x (N, 12), with its origin's way (N,)
-        m and its turn (N,) rad at most.
+        """(N, k) m by which no distance changes on any path of the platform from x (N, 12), with
+        its origin's way (N,) m and its turn (N,) rad at most.
 
-        Legs i and j: way + turn (‖rᵢ‖ + ‖rⱼ‖);  leg and base: way + turn ‖r‖;  leg and platform, as seen from there,
+        Legs i and j: way + turn (‖rᵢ‖ + ‖rⱼ‖);  leg and base: way + turn ‖r‖;  leg and platform, as
+                                                 seen from there,
         where the joint in the base moves: way + turn ‖base − origin‖.
         """
         way, turn = way[:, None], turn[:, None]
@@ -144,20 +176,31 @@ class Bodies:
         return np.concatenate(found, 1)
 
     def bend(
-        self, x: Array, way: Array, turn: Array, least: Array, first: tuple[Array, Array], second: tuple[Array, Array]
+        self,
+        x: Array,
+        way: Array,
+        turn: Array,
+        least: Array,
+        first: tuple[Array, Array],
+        second: tuple[Array, Array],
     ) -> Array:
-        """(N, k) that no second derivative of a distance along any path from x (N, 12) is above; ∞ where it has none.
+        """(N, k) that no second derivative of a distance along any path from x (N, 12) is above; ∞
+        where it has none.
 
         way, turn (N,)  of the platform at most, as in `change`
         least (N, k)    no distance is below that
-        first, second   ((N,), (N,)) of its origin and its turn, the largest of the first derivatives: those of ‖ṗ‖ and
-                        of the angle, and of the second: ‖p̈‖ and Frobenius' norm of R̈
+        first, second   ((N,), (N,)) of its origin and its turn, the largest of the first
+                        derivatives: those of ‖ṗ‖ and of the angle, and of the second: ‖p̈‖ and
+                        Frobenius' norm of R̈
 
-        A leg ℓ of length L at whose ends e is left out has points (1−σ) b + σ j + e (1−2σ) ℓ/L, with
-        ‖(ℓ/L)¨ − P ℓ̈/L‖ ≤ 2 ‖ℓ̇‖²/L², P across the leg: their second derivative is A ℓ̈ with A between 0 and 1, and no
-        more than 2 e ‖ℓ̇‖²/L². The base as seen from the platform: Rᵀ(b − p).
+        A leg ℓ of length L at whose ends e is left out has points (1−σ) b + σ j + e (1−2σ) ℓ/L,
+        with ‖(ℓ/L)¨ − P ℓ̈/L‖ ≤ 2 ‖ℓ̇‖²/L², P across the leg: their second derivative is A ℓ̈ with
+        A between 0 and 1, and no more than 2 e ‖ℓ̇‖²/L². The base as seen from the platform: Rᵀ(b −
+        p).
         """
-        way, turn, pace, spin, push, swing = (each[:, None] for each in (way, turn, *first, *second))
+        way, turn, pace, spin, push, swing = (
+            each[:, None] for each in (way, turn, *first, *second)
+        )
         arm = _length(self.platform)
         joints = x[:, None, :3] + self.platform @ x[:, 3:].reshape(-1, 3, 3).swapaxes(1, 2)
         length = _length(joints - self.base) - (way + turn * arm)
@@ -166,7 +209,9 @@ class Bodies:
         def turned(speed: Array) -> Array:
             """What the shortening of legs adds, at speeds ‖ℓ̇‖ (N, n)."""
             with np.errstate(divide="ignore", invalid="ignore"):
-                return np.where(length > 2 * self.ends, 2 * self.ends * speed**2 / length**2, np.inf)
+                return np.where(
+                    length > 2 * self.ends, 2 * self.ends * speed**2 / length**2, np.inf
+                )
 
         speed, bent = pace + spin * arm, turned(pace + spin * arm)
         moves = [pace + spin * (arm[i] + arm[j])]
@@ -179,7 +224,9 @@ class Bodies:
             moves.append(pace + spin * reach)
             bends.append(push + swing * reach + 2 * spin * pace + turned(moves[-1]))
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.concatenate(moves, 1) ** 2 / np.maximum(least, 0.0) + np.concatenate(bends, 1)
+            found = np.concatenate(moves, 1) ** 2 / np.maximum(least, 0.0) + np.concatenate(
+                bends, 1
+            )
         return np.where(np.isnan(found), np.inf, found) * (1 + 64 * EPS)
 
 
@@ -221,11 +268,12 @@ def point_segment_distance(point: Array, start: Array, end: Array) -> Array:
 
 
 def segment_disc_distance(start: Array, end: Array, disc: Disc) -> Array:
-    """Return the distances (…) of segments (…, 3) in the disc's frame from the disc; 0 where they meet.
+    """Return the distances (…) of segments (…, 3) in the disc's frame from the disc; 0 where they
+    meet.
 
-    At radius ρ and height h from the centre, a point is √(max(ρ − R, 0)² + max(|h| − T/2, 0)²) away. Along a segment
-    the square of it is convex with a continuous slope: the nearest point is an end unless the slope changes its sign
-    between them; then it is found by halving.
+    At radius ρ and height h from the centre, a point is √(max(ρ − R, 0)² + max(|h| − T/2, 0)²)
+    away. Along a segment the square of it is convex with a continuous slope: the nearest point is
+    an end unless the slope changes its sign between them; then it is found by halving.
     """
     low = np.zeros(start.shape[:-1])
     high = np.ones(start.shape[:-1])
@@ -241,12 +289,16 @@ def segment_disc_distance(start: Array, end: Array, disc: Disc) -> Array:
         is_before = _point_disc(start, end, middle, disc)[1] < 0
         low = np.where(is_before, middle, low)
         high = np.where(is_before, high, middle)
-    least[turns] = np.minimum(_point_disc(start, end, low, disc)[0], _point_disc(start, end, high, disc)[0])
+    least[turns] = np.minimum(
+        _point_disc(start, end, low, disc)[0], _point_disc(start, end, high, disc)[0]
+    )
     return least
 
 
 def _point_disc(start: Array, end: Array, s: Array, disc: Disc) -> tuple[Array, Array]:
-    """Return the distance (…) of start + s (end − start) from a disc, and half the slope of its square."""
+    """Return the distance (…) of start + s (end − start) from a disc, and half the slope of its
+    square.
+    """
     normal = np.asarray(disc.normal)
     along = end - start
     point = start - np.asarray(disc.centre) + s[..., None] * along

@@ -1,9 +1,11 @@
-"""Containment: the proof that a machine can go everywhere in a box of positions, at one orientation.
+"""Containment: the proof that a machine can go everywhere in a box of positions, at one
+orientation.
 
-Over a cell of positions with centre c and half sides d, axis coordinates and cosines of tilts are enclosed in ball
-arithmetic, from the same expressions that evaluate them, and no clearance is smaller than that in c by more than ‖d‖
-(see `Bodies`). What is inside all limits so is inside as a whole: faces, edges, corners and everything between. Cells
-that fail are halved in every direction, until a point of one is found outside, or they are too small.
+Over a cell of positions with centre c and half sides d, axis coordinates and cosines of tilts are
+enclosed in ball arithmetic, from the same expressions that evaluate them, and no clearance is
+smaller than that in c by more than ‖d‖ (see `Bodies`). What is inside all limits so is inside as a
+whole: faces, edges, corners and everything between. Cells that fail are halved in every direction,
+until a point of one is found outside, or they are too small.
 """
 
 from __future__ import annotations
@@ -51,11 +53,15 @@ class Containment:
 
 def pose_rows(position: Array, rotation: Rotation) -> Array:
     """Pose numbers (N, 12) of positions (N, 3) at one orientation."""
-    return np.concatenate([position, np.broadcast_to(rotation.as_matrix().reshape(1, 9), (len(position), 9))], 1)
+    return np.concatenate(
+        [position, np.broadcast_to(rotation.as_matrix().reshape(1, 9), (len(position), 9))], 1
+    )
 
 
 def uses(machine: Machine, rotation: Rotation, position: Array) -> Array:
-    """(N, 4) the largest use of travel, tilt, clearance and room at positions (N, 3); ∞ where no coordinates exist."""
+    """(N, 4) the largest use of travel, tilt, clearance and room at positions (N, 3); ∞ where no
+    coordinates exist.
+    """
     x = pose_rows(position, rotation)
     with np.errstate(invalid="ignore"):
         q = machine.inverse_map(machine.inputs(x, machine.home_q))
@@ -71,16 +77,24 @@ def prove_cells(machine: Machine, rotation: Rotation, centre: Array, half: Array
     """(N,) bool: proved that the cells centre ± half (N, 3) are inside all limits."""
     x = [Series(c[None], h[None], 0) for c, h in zip(centre.T, half.T, strict=True)]
     x += [Series.constant(entry, 0) for entry in pose_rows(centre, rotation)[:, 3:].T]
-    near = [Series.constant(np.full(len(centre), value), 0) for value in machine.home_q if machine.branched]
+    near = [
+        Series.constant(np.full(len(centre), value), 0)
+        for value in machine.home_q
+        if machine.branched
+    ]
     low, high = np.array(machine.room, float).T
     slack = USE_ROUNDING * (high - low) / 2
     inside = np.asarray(((centre - half >= low - slack) & (centre + half <= high + slack)).all(1))
-    for axis, home, q in zip(machine.axes, machine.home_q, machine.inverse_map.enclose([*x, *near]), strict=True):
+    for axis, home, q in zip(
+        machine.axes, machine.home_q, machine.inverse_map.enclose([*x, *near]), strict=True
+    ):
         lo, hi = axis.travel
         slack = USE_ROUNDING * (hi - lo) / 2
         inside &= np.isfinite(q.rad[0])
         if np.isfinite(hi):
-            inside &= (q.mid[0] - q.rad[0] >= home + lo - slack) & (q.mid[0] + q.rad[0] <= home + hi + slack)
+            inside &= (q.mid[0] - q.rad[0] >= home + lo - slack) & (
+                q.mid[0] + q.rad[0] <= home + hi + slack
+            )
     for limit, cosine in zip(machine.max_tilt, machine.tilt_map.enclose(x), strict=True):
         if limit < np.pi:
             inside &= cosine.mid[0] - cosine.rad[0] >= np.cos(limit * (1 + USE_ROUNDING))
@@ -95,9 +109,11 @@ def prove_cells(machine: Machine, rotation: Rotation, centre: Array, half: Array
 def prove(
     machine: Machine, rotation: Rotation, low: Array, high: Array, depth: int
 ) -> tuple[np.ndarray, np.ndarray, Array]:
-    """Of the boxes low … high (N, 3): proved inside (N,) bool, found outside (N,) bool, and where (N, 3).
+    """Of the boxes low … high (N, 3): proved inside (N,) bool, found outside (N,) bool, and where
+    (N, 3).
 
-    The place is a position outside, or the centre of a cell that stays open when its box has been halved `depth` times.
+    The place is a position outside, or the centre of a cell that stays open when its box has been
+    halved `depth` times.
     """
     centre, half = (low + high) / 2, (high - low) / 2 * (1 + 1e-12)  # covers the rounding of both
     owner = np.arange(len(low))
@@ -123,23 +139,36 @@ def prove(
     return ~outside & ~open_, outside, place
 
 
-def contains(machine: Machine, rotation: Rotation, low: ArrayLike, high: ArrayLike, depth: int = 9) -> Containment:
-    """Whether all positions of the box low … high (3,) m are inside all limits: proved, refuted by a place, or open.
+def contains(
+    machine: Machine, rotation: Rotation, low: ArrayLike, high: ArrayLike, depth: int = 9
+) -> Containment:
+    """Whether all positions of the box low … high (3,) m are inside all limits: proved, refuted by
+    a place, or open.
 
-    Inside means what it means to `Margins`: no more than USE_ROUNDING of a limit beyond it. Raises MotionError for ends
-    that are none, OutOfReach where the machine does not control what the box asks.
+    Inside means what it means to `Margins`: no more than USE_ROUNDING of a limit beyond it. Raises
+    MotionError for ends that are none, OutOfReach where the machine does not control what the box
+    asks.
     """
     what = f"box of machine {machine.name}:"
-    low, high = (finite_array(end, f"{what} {name}", (3,), unit="m") for end, name in ((low, "low"), (high, "high")))
+    low, high = (
+        finite_array(end, f"{what} {name}", (3,), unit="m")
+        for end, name in ((low, "low"), (high, "high"))
+    )
     if (low > high).any():
-        raise MotionError(f"{what} no coordinate of low {low.tolist()} may be above that of high {high.tolist()}")
-    refuse_uncontrolled(machine, pose_rows(np.stack([low, high]), rotation), ("low", "high").__getitem__)
+        raise MotionError(
+            f"{what} no coordinate of low {low.tolist()} may be above that of high {high.tolist()}"
+        )
+    refuse_uncontrolled(
+        machine, pose_rows(np.stack([low, high]), rotation), ("low", "high").__getitem__
+    )
     corners = np.array(list(product(*zip(low, high, strict=True))))
     use = uses(machine, rotation, corners).max(1)
     worst = int(np.argmax(use))
     if use[worst] > 1 + USE_ROUNDING:
         return Containment(
-            False, freeze_array(corners[worst]), f"corner {describe_worst(machine, rotation, corners[worst])}"
+            False,
+            freeze_array(corners[worst]),
+            f"corner {describe_worst(machine, rotation, corners[worst])}",
         )
     proved, outside, places = prove(machine, rotation, low[None], high[None], depth)
     if proved[0]:
@@ -149,7 +178,9 @@ def contains(machine: Machine, rotation: Rotation, low: ArrayLike, high: ArrayLi
     if outside[0]:
         return Containment(False, freeze_array(place), f"position {where}")
     return Containment(
-        False, freeze_array(place), f"not proved near {where}; it may touch a limit: make the box smaller"
+        False,
+        freeze_array(place),
+        f"not proved near {where}; it may touch a limit: make the box smaller",
     )
 
 

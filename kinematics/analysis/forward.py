@@ -1,4 +1,6 @@
-"""From actuator coordinates to the pose: Newton on SE(3), and the proof that it is the pose the machine is in."""
+"""From actuator coordinates to the pose: Newton on SE(3), and the proof that it is the pose the
+machine is in.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +26,13 @@ if TYPE_CHECKING:
 
 MAX_ITERATIONS = 50
 RESIDUAL_TOLERANCE = 1e-9
-"""m or rad: residual under which a pose counts as a solution (Newton leaves 1e-16; the rest is for scale)."""
+"""m or rad: residual under which a pose counts as a solution (Newton leaves 1e-16; the rest is for
+scale).
+"""
 # Share of the coordinates at which Newton stops: some thirty units in the last place.
 STEP_ROUNDING = 1e-14
-# m or rad by which coordinates of one pose on the same branch differ at most: rounding, where the machine is regular.
+# m or rad by which coordinates of one pose on the same branch differ at most: rounding, where the
+# machine is regular.
 BRANCH_TOLERANCE = 1e-6
 # Rows solved at a time, so that the memory that proofs take does not grow with the number of rows.
 BLOCK_ROWS = 4096
@@ -35,13 +40,15 @@ BLOCK_ROWS = 4096
 
 @dataclass(frozen=True, slots=True)
 class Forward(Result):
-    """pose; residual (N,) largest |inverse(pose) − q|; certified (N,) bool. Plain scalars for a single q.
+    """pose; residual (N,) largest |inverse(pose) − q|; certified (N,) bool.
 
-    residual: infinite where the search ended in a pose that no coordinates reach.
-    certified: inverse(pose) is q, and the straight motion from `near` to this pose meets no singularity, proved cell by
-    cell over the whole motion: a machine that goes this way from `near` arrives in this pose and no other. At home the
-    machine has home's coordinates, up to full turns: from there, poses on another elbow are not certified. False
-    throughout where no proof was asked for.
+    Plain scalars for a single q.
+
+    residual: infinite where the search ended in a pose that no coordinates reach. certified:
+    inverse(pose) is q, and the straight motion from `near` to this pose meets no singularity,
+    proved cell by cell over the whole motion: a machine that goes this way from `near` arrives in
+    this pose and no other. At home the machine has home's coordinates, up to full turns: from
+    there, poses on another elbow are not certified. False throughout where no proof was asked for.
     """
 
     numbers: Array
@@ -103,24 +110,32 @@ def solve(machine: MachineModel, q: ArrayLike, near: Pose | None, certify: bool 
 def _coordinates(machine: MachineModel, q: ArrayLike) -> Array:
     """(N, n) or (n,), finite, and not below 0 where they are lengths."""
     n = len(machine.axes)
-    told, given = f"machine {machine.name}: forward takes finite coordinates (N, {n})", numeric_array(q)
+    told, given = (
+        f"machine {machine.name}: forward takes finite coordinates (N, {n})",
+        numeric_array(q),
+    )
     if given is None or given.ndim not in (1, 2) or given.shape[-1] != n:
-        raise MotionError(f"{told}, not {f'{q!r:.100}' if given is None else f'shape {given.shape}'}")
+        raise MotionError(
+            f"{told}, not {f'{q!r:.100}' if given is None else f'shape {given.shape}'}"
+        )
     rows, least = np.atleast_2d(given), 0.0 if machine.lengths else -np.inf
     wrong = ~(np.isfinite(rows) & (rows >= least))
     if wrong.any():
         row, k = np.argwhere(wrong)[0]
         axis = machine.axes[k]
         below = "; a length is not below 0" if rows[row, k] < least else ""
-        raise MotionError(f"{told}, not {rows[row, k]} {axis.unit} for {axis.name} in row {row}{below}")
+        raise MotionError(
+            f"{told}, not {rows[row, k]} {axis.unit} for {axis.name} in row {row}{below}"
+        )
     return given
 
 
 def iterate_newton(machine: MachineModel, q: Array, start: Array) -> tuple[Array, Array]:
-    """Pose numbers (N, 12) and residual (N,) of coordinates q (N, n), by Newton from pose numbers start (N, 12).
+    """Pose numbers (N, 12) and residual (N,) of coordinates q (N, n), by Newton from pose numbers
+    start (N, 12).
 
-    What `solve` does before its proof, for many rows at once: nothing is checked of what is given, and where a machine
-    has several poses of the same coordinates, which one is found is not proved.
+    What `solve` does before its proof, for many rows at once: nothing is checked of what is given,
+    and where a machine has several poses of the same coordinates, which one is found is not proved.
     """
     x = _newton(machine, q, machine.start(q, start).copy())
     if machine.follows:
@@ -135,8 +150,12 @@ def _residual(machine: MachineModel, q: Array, x: Array) -> Array:
     return np.asarray(residual)
 
 
-def _solve(machine: MachineModel, q: Array, start: Array, certify: bool) -> tuple[Array, Array, np.ndarray]:
-    """Return pose numbers (N, 12), residual (N,) and certified (N,) of coordinates q (N, n), from start (N, 12)."""
+def _solve(
+    machine: MachineModel, q: Array, start: Array, certify: bool
+) -> tuple[Array, Array, np.ndarray]:
+    """Return pose numbers (N, 12), residual (N,) and certified (N,) of coordinates q (N, n), from
+    start (N, 12).
+    """
     x = iterate_newton(machine, q, start)[0]
     x[:, 3:] = _orthogonalise(x[:, 3:].reshape(-1, 3, 3)).reshape(-1, 9)
     residual = _residual(machine, q, x)
@@ -146,15 +165,17 @@ def _solve(machine: MachineModel, q: Array, start: Array, certify: bool) -> tupl
 
 
 def _orthogonalise(matrices: Array) -> Array:
-    """Return the nearest rotations to products of rotations, which rounding leaves a few ulps off: a Newton step."""
+    """Return the nearest rotations to products of rotations, which rounding leaves a few ulps off:
+    a Newton step.
+    """
     return np.asarray(matrices @ (3 * np.eye(3) - matrices.swapaxes(1, 2) @ matrices) / 2)
 
 
 def _starts_on_branch(machine: MachineModel, q: Array, start: Array) -> np.ndarray:
     """(N,) bool: the machine stands at pose start (N, 12) on the branch of coordinates q (N, n).
 
-    At home it has home's coordinates, up to full turns, and is not on the other elbow; in any other pose that it is
-    asked from, it is taken to stand on the branch of q.
+    At home it has home's coordinates, up to full turns, and is not on the other elbow; in any other
+    pose that it is asked from, it is taken to stand on the branch of q.
     """
     if not machine.branched:
         return np.ones(len(q), bool)
@@ -166,7 +187,8 @@ def _starts_on_branch(machine: MachineModel, q: Array, start: Array) -> np.ndarr
 
 
 def _newton(machine: MachineModel, q: Array, x: Array) -> Array:
-    """x ← exp(δ) x with J δ = q − inverse(x), turning one radian at most; a step that gains nothing is quartered.
+    """x ← exp(δ) x with J δ = q − inverse(x), turning one radian at most; a step that gains nothing
+    is quartered.
 
     δ moves what the machine controls; what is held or follows stays.
     """

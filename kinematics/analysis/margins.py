@@ -1,4 +1,6 @@
-"""Margins: how much of each limit a pose uses, what comes nearest to what, and how far the machine is from singular."""
+"""Margins: how much of each limit a pose uses, what comes nearest to what, and how far the machine
+is from singular.
+"""
 
 from __future__ import annotations
 
@@ -26,16 +28,20 @@ class Margins(Result):
     """Use of each limit at each pose: 1 is at the limit, above 1 violates it.
 
     travel        (N, n) |q − middle| / half range, per axis; 0 where there is no limit
-    tilt          (N, m) angle / limit, per joint; of π where there is no limit, which counts as no use. The joints of a
-                  leg of no length, which has no direction, count as turned over
-    clearance     (N, k) m between the surfaces of legs, and of legs and discs; below 0 they overlap. Its use is
-                  contact / distance, both between axes (or axis and disc)
-    room          (N, r) |x − middle| / half range, of each coordinate of the platform's origin that the room bounds
-    conditioning  (N,) σ_min/σ_max of the Jacobian of what the machine controls, the columns of its rotations divided by
-                  the machine's characteristic length: 1 at best, 0 in a singularity
-    singularity   (N,) σ_min of the same: the distance (2-norm) to the nearest singular Jacobian. No motion whose speed,
-                  taken with the characteristic length, is 1 m/s moves the axes slower. 0 too where the Jacobian has no
-                  finite entries: an arm stretched out, a leg of no length
+    tilt          (N, m) angle / limit, per joint; of π where there is no limit, which counts as no
+                  use. The joints of a leg of no length, which has no direction, count as turned
+                  over
+    clearance     (N, k) m between the surfaces of legs, and of legs and discs; below 0 they
+                  overlap. Its use is contact / distance, both between axes (or axis and disc)
+    room          (N, r) |x − middle| / half range, of each coordinate of the platform's origin that
+                  the room bounds
+    conditioning  (N,) σ_min/σ_max of the Jacobian of what the machine controls, the columns of its
+                  rotations divided by the machine's characteristic length: 1 at best, 0 in a
+                  singularity
+    singularity   (N,) σ_min of the same: the distance (2-norm) to the nearest singular Jacobian. No
+                  motion whose speed, taken with the characteristic length, is 1 m/s moves the axes
+                  slower. 0 too where the Jacobian has no finite entries: an arm stretched out, a
+                  leg of no length
     """
 
     travel: Array
@@ -71,30 +77,50 @@ class Margins(Result):
         if not use.size:
             raise MotionError("margins of no poses have no worst case; check at least one pose")
         pose, entry = np.unravel_index(int(np.argmax(use)), use.shape)
-        names = [f"{name} travel" for name in self.travel_names] + [f"{name} tilt" for name in self.tilt_names]
+        names = [f"{name} travel" for name in self.travel_names] + [
+            f"{name} tilt" for name in self.tilt_names
+        ]
         at = f" at pose {pose}" if len(use) > 1 else ""
         if entry < len(names):
             return f"{names[entry]}: {use[pose, entry]:.1%} of its limit{at}"
         pair = int(entry) - len(names)
         if pair >= len(self.clearance_names):
             return f"{self.room_names[pair - len(self.clearance_names)]} room: {use[pose, entry]:.1%} of its limit{at}"
-        return f"{self.clearance_names[pair]} clearance: {self.clearance[pose, pair] * 1e3:.3g} mm{at}"
+        return (
+            f"{self.clearance_names[pair]} clearance: {self.clearance[pose, pair] * 1e3:.3g} mm{at}"
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of every limit: of each axis' travel, of each joint's tilt, of each clearance, of the room."""
-        kinds = (self.travel_names, "travel"), (self.tilt_names, "tilt"), (self.clearance_names, "clearance")
-        return tuple(f"{name} {kind}" for names, kind in (*kinds, (self.room_names, "room")) for name in names)
+        """Of every limit: of each axis' travel, of each joint's tilt, of each clearance, of the
+        room.
+        """
+        kinds = (
+            (self.travel_names, "travel"),
+            (self.tilt_names, "tilt"),
+            (self.clearance_names, "clearance"),
+        )
+        return tuple(
+            f"{name} {kind}"
+            for names, kind in (*kinds, (self.room_names, "room"))
+            for name in names
+        )
 
     def tables(self) -> tuple[Table, ...]:
-        """Pose by pose: what is used most, clearance, conditioning, distance to singular, and whether all is well."""
+        """Pose by pose: what is used most, clearance, conditioning, distance to singular, and
+        whether all is well.
+        """
         use = self.uses
         least = self.clearance.min(1, initial=np.inf)
         columns = (
             Column("pose", range(len(use))),
             Column("use", use.max(1, initial=0.0), form=".4f"),
             Column("of", [self.names[k] for k in use.argmax(1)] if use.size else [""] * len(use)),
-            *([Column("least clearance", least, "m", "human", ".3f")] if self.clearance_names else []),
+            *(
+                [Column("least clearance", least, "m", "human", ".3f")]
+                if self.clearance_names
+                else []
+            ),
             Column("conditioning", self.conditioning, form=".4g"),
             Column("singularity", self.singularity, form=".4g"),
             Column("ok", self.ok, words={"False": "NO"}),
@@ -106,13 +132,18 @@ class Margins(Result):
         uses = self.uses
         each = (Column(name, uses[:, k]) for k, name in enumerate(self.names))
         rest = (Column("conditioning", self.conditioning), Column("singularity", self.singularity))
-        return Table("use of the limits", (Column("pose", range(len(uses))), *each, *rest, Column("ok", self.ok)))
+        return Table(
+            "use of the limits",
+            (Column("pose", range(len(uses))), *each, *rest, Column("ok", self.ok)),
+        )
 
     @property
     def uses(self) -> Array:
         """(N, limits) of every limit of `names`; 1 is at the limit."""
         limited = np.where(self.max_tilt < np.pi, self.tilt, 0.0)
-        return np.concatenate([self.travel, limited, clearance_use(self.clearance, self.contact), self.room], 1)
+        return np.concatenate(
+            [self.travel, limited, clearance_use(self.clearance, self.contact), self.room], 1
+        )
 
 
 def measure(machine: MachineModel, x: Array, q: Array) -> Margins:
@@ -138,7 +169,8 @@ def measure(machine: MachineModel, x: Array, q: Array) -> Margins:
 
 
 def limits_used(machine: MachineModel, x: Array, q: Array) -> tuple[Array, Array, Array, Array]:
-    """travel (N, n), tilt (N, m), clearance (N, k) and room (N, 3) of pose numbers x and their coordinates q.
+    """travel (N, n), tilt (N, m), clearance (N, k) and room (N, 3) of pose numbers x and their
+    coordinates q.
 
     As in `Margins`; of a coordinate that the room leaves free 0.
     """
@@ -147,7 +179,12 @@ def limits_used(machine: MachineModel, x: Array, q: Array) -> tuple[Array, Array
     tilt = np.arccos(np.clip(cosine, -1.0, 1.0)) / machine.max_tilt
     bodies = machine.bodies
     clearance = bodies.distances(x) - bodies.contact if bodies else np.zeros((len(x), 0))
-    return travel_use(machine, q), tilt, clearance, _range_use(x[:, :3], np.array(machine.room, float))
+    return (
+        travel_use(machine, q),
+        tilt,
+        clearance,
+        _range_use(x[:, :3], np.array(machine.room, float)),
+    )
 
 
 def travel_use(machine: MachineModel, q: Array) -> Array:

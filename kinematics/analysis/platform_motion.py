@@ -1,4 +1,6 @@
-"""The motion of a machine's platform and axes together: from that of poses, or from that of the axes."""
+"""The motion of a machine's platform and axes together: from that of poses, or from that of the
+axes.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,7 +59,9 @@ def motion_of_poses(
     for what, values in (("twist", twist), ("acceleration", acceleration)):
         shape = (len(q), 6)
         values = np.zeros(6) if values is None else values
-        rows = np.broadcast_to(finite_array(values, f"machine {machine.name}: {what}", shape, (6,), (1, 6)), shape)
+        rows = np.broadcast_to(
+            finite_array(values, f"machine {machine.name}: {what}", shape, (6,), (1, 6)), shape
+        )
         if rows[:, held].any():
             instant, k = np.argwhere(rows[:, held])[0]
             raise OutOfReach(
@@ -70,7 +74,8 @@ def motion_of_poses(
 
 @check_arguments("machine", "state")
 def motion_of_axes(machine: MachineSource, state: AxesAndPose) -> Motion:
-    """The motion of the platform from that of the axes: J ν = q̇ and J ν̇ = q̈ − J̇ ν, solved for what is controlled.
+    """The motion of the platform from that of the axes: J ν = q̇ and J ν̇ = q̈ − J̇ ν, solved for
+    what is controlled.
 
     Parameters
     ----------
@@ -91,7 +96,9 @@ def motion_of_axes(machine: MachineSource, state: AxesAndPose) -> Motion:
     """
     machine = load_machine(machine)
     if not all(hasattr(state, name) for name in ("pose", "q", "qd", "qdd")):
-        raise MotionError(f"{type(state).__name__} is not a motion; motion_of_poses makes one from poses")
+        raise MotionError(
+            f"{type(state).__name__} is not a motion; motion_of_poses makes one from poses"
+        )
     if state.pose is None:
         raise MotionError("forces need a pose; this motion has no machine")
     n, x = len(machine.axes), to_numbers(state.pose)
@@ -113,7 +120,9 @@ def motion_of_axes(machine: MachineSource, state: AxesAndPose) -> Motion:
     return _complete_motion(machine, x, q, twist, acceleration)
 
 
-def _complete_motion(machine: Machine, x: Array, q: Array, twist: Array, acceleration: Array) -> Motion:
+def _complete_motion(
+    machine: Machine, x: Array, q: Array, twist: Array, acceleration: Array
+) -> Motion:
     n, inputs = len(machine.axes), machine.inputs(x, q)
     out = machine.rates_map(np.concatenate([inputs, twist, acceleration], 1))
     qd, qdd, twist, acceleration = np.split(out, [n, 2 * n, 2 * n + 6], 1)

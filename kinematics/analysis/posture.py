@@ -1,4 +1,6 @@
-"""A posture: one pose with the coordinates of every actuator, the tilt of every joint, its margins and its proof."""
+"""A posture: one pose with the coordinates of every actuator, the tilt of every joint, its margins
+and its proof.
+"""
 
 from __future__ import annotations
 
@@ -43,11 +45,14 @@ UNLIMITED = {"inf": "unlimited", "-inf": "unlimited"}
 class Posture(Result):
     """The axes, joints and margins of a machine at one pose.
 
-    numbers    (12,) position and rotation rows of the pose in the base frame, with what follows as the axes lead it
-    q          (n,) coordinates of the actuators: leg lengths between joint centres, slide positions, joint angles
+    numbers    (12,) position and rotation rows of the pose in the base frame, with what follows as
+               the axes lead it
+    q          (n,) coordinates of the actuators: leg lengths between joint centres, slide
+               positions, joint angles
     margins    travel, tilt, clearance, conditioning and distance to singularity
     residual   m or rad, the largest |inverse(pose) − q|
-    certified  whether the straight motion from home arrives in this pose and no other, as `Forward` has it
+    certified  whether the straight motion from home arrives in this pose and no other, as `Forward`
+               has it
     """
 
     machine: Machine = field(repr=False)
@@ -86,14 +91,18 @@ class Posture(Result):
 
     @property
     def counts(self) -> np.ndarray:
-        """(n,) whole pulses from home, in the sense of the axes; what compensation adds is left out."""
+        """(n,) whole pulses from home, in the sense of the axes; what compensation adds is left
+        out.
+        """
         return np.rint(self.travel / [axis.pulse for axis in self.machine.axes]).astype(np.int64)
 
     @property
     def directions(self) -> Array:
-        """(3,) α, β, γ (rad): between the base frame's x, y, z and the platform's z axis [Sahbaz 2007].
+        """(3,) α, β, γ (rad): between the base frame's x, y, z and the platform's z axis [Sahbaz
+        2007].
 
-        cos α = R[0, 2], cos β = R[1, 2], cos γ = R[2, 2]; by atan2, so that small angles keep their digits.
+        cos α = R[0, 2], cos β = R[1, 2], cos γ = R[2, 2]; by atan2, so that small angles keep their
+        digits.
         """
         axis = self.numbers[3:].reshape(3, 3)[:, 2]
         across = [np.linalg.norm(np.delete(axis, k)) for k in range(3)]
@@ -139,10 +148,14 @@ class Posture(Result):
                 text = f"{name} room: {1e3 * self.numbers[k]:.6g} mm, outside {low} to {high} mm"
                 told.append((float(use), text))
         told.sort(key=lambda one: -one[0])
-        return tuple(f"{text}; choose a pose closer to home, or with less rotation" for _, text in told)
+        return tuple(
+            f"{text}; choose a pose closer to home, or with less rotation" for _, text in told
+        )
 
     def tables(self) -> tuple[Table, ...]:
-        """The pose in both frames, the platform's directions, every axis, every joint, and the margins."""
+        """The pose in both frames, the platform's directions, every axis, every joint, and the
+        margins.
+        """
         parts = [self._poses(), self._directions(), self._axes()]
         if self.margins.tilt_names:
             parts.append(self._joints())
@@ -160,13 +173,25 @@ class Posture(Result):
         places = self.places
         columns = (
             Column("pose", ["from home", "in the base frame"]),
-            *(Column(name, _tidy(places[:, k]), "m", "human", ".9g") for k, name in enumerate("xyz")),
-            *(Column(f"θ{name}", _tidy(places[:, 3 + k]), "rad", "human", ".9g") for k, name in enumerate("xyz")),
+            *(
+                Column(name, _tidy(places[:, k]), "m", "human", ".9g")
+                for k, name in enumerate("xyz")
+            ),
+            *(
+                Column(f"θ{name}", _tidy(places[:, 3 + k]), "rad", "human", ".9g")
+                for k, name in enumerate("xyz")
+            ),
         )
-        return Table(f"{self.machine.name}: {type(self.machine).__name__.lower()}", columns, tuple(self._verdict()))
+        return Table(
+            f"{self.machine.name}: {type(self.machine).__name__.lower()}",
+            columns,
+            tuple(self._verdict()),
+        )
 
     def _verdict(self) -> Iterator[str]:
-        """Yield whether the machine may take the pose: limits that it violates first, then the proof of the pose."""
+        """Yield whether the machine may take the pose: limits that it violates first, then the
+        proof of the pose.
+        """
         violations = self.violations
         if violations:
             rest = f" and {count_noun(len(violations) - 1, 'more limit')}" if violations[1:] else ""
@@ -181,7 +206,8 @@ class Posture(Result):
 
     def _directions(self) -> Table:
         columns = (
-            Column(name, [angle], "rad", "human", ".7g") for name, angle in zip("αβγ", self.directions, strict=True)
+            Column(name, [angle], "rad", "human", ".7g")
+            for name, angle in zip("αβγ", self.directions, strict=True)
         )
         return Table("the platform's z axis against x, y, z of the base frame", tuple(columns))
 
@@ -194,7 +220,9 @@ class Posture(Result):
             Column(what, self.q, units, "human", ".9g"),
             Column("from home", _tidy(self.travel), units, "human", ".9g"),
             Column("pulses", self.counts),
-            Column("travel from", [axis.travel[0] for axis in axes], units, "human", words=UNLIMITED),
+            Column(
+                "travel from", [axis.travel[0] for axis in axes], units, "human", words=UNLIMITED
+            ),
             Column("to", [axis.travel[1] for axis in axes], units, "human", words=UNLIMITED),
             Column("use", self.margins.travel[0], form=".4f"),
         )
@@ -220,7 +248,9 @@ class Posture(Result):
 
 
 @check_arguments("machine", "pose")
-def posture_of_pose(machine: MachineSource, pose: PoseLike, near: ArrayLike | None = None) -> Posture:
+def posture_of_pose(
+    machine: MachineSource, pose: PoseLike, near: ArrayLike | None = None
+) -> Posture:
     """Solve the inverse kinematics of a pose in the base frame: lengths, tilts, margins and proof.
 
     Parameters
@@ -258,7 +288,8 @@ def posture_of_numbers(machine: Machine, x: Array, near: ArrayLike | None = None
 
 @check_arguments("machine")
 def posture_of_axes(machine: MachineSource, q: ArrayLike, near: Pose | None = None) -> Posture:
-    """Solve the forward kinematics of coordinates: pose, tilts, margins and proof about the way from home.
+    """Solve the forward kinematics of coordinates: pose, tilts, margins and proof about the way
+    from home.
 
     Parameters
     ----------
@@ -284,7 +315,9 @@ def posture_of_axes(machine: MachineSource, q: ArrayLike, near: Pose | None = No
     machine = load_machine(machine)
     rows = finite_array(q, f"machine {machine.name}: coordinates")
     if rows.ndim != 1:
-        raise MotionError(f"machine {machine.name}: a posture is of one row of coordinates, not of shape {rows.shape}")
+        raise MotionError(
+            f"machine {machine.name}: a posture is of one row of coordinates, not of shape {rows.shape}"
+        )
     found = machine.forward(rows, near, certify=False)
     return _posture(machine, found.numbers[None], rows)
 
@@ -300,11 +333,15 @@ def _posture(machine: Machine, x: Array, q: Array) -> Posture:
         x = machine.carried_map(machine.inputs(x, q))
     located = machine.locate_numbers(x, q)
     residual = float(np.abs(located - q).max())
-    return Posture(machine, x[0], q, measure(machine, x, located), residual, _comes_to(machine, x, q))
+    return Posture(
+        machine, x[0], q, measure(machine, x, located), residual, _comes_to(machine, x, q)
+    )
 
 
 def _comes_to(machine: Machine, x: Array, q: Array) -> bool:
-    """Whether the machine is proved to come from home to the pose of numbers x (1, 12) by coordinates q (n,)."""
+    """Whether the machine is proved to come from home to the pose of numbers x (1, 12) by
+    coordinates q (n,).
+    """
     try:
         proof = machine.forward(q)
     except OutOfReach:  # far from home: Newton finds no pose at all
@@ -313,7 +350,9 @@ def _comes_to(machine: Machine, x: Array, q: Array) -> bool:
 
 
 def refuse_dependent(machine: Machine, stated: Mapping[str, float]) -> None:
-    """Raise MotionError for components of a pose (x … rz) that are stated, not 0, and follow from the others."""
+    """Raise MotionError for components of a pose (x … rz) that are stated, not 0, and follow from
+    the others.
+    """
     follows = [name for name in COMPONENTS if stated.get(name) and name in machine.follows]
     if follows:
         raise MotionError(

@@ -1,4 +1,6 @@
-"""What input shapers leave of the vibrations that they are for, by the residual of their impulses."""
+"""What input shapers leave of the vibrations that they are for, by the residual of their
+impulses.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +15,8 @@ BESIDE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """What is left of one vibration, as a share of the unshaped, behind all shapers of the axes that have this one.
+    """What is left of one vibration, as a share of the unshaped, behind all shapers of the axes
+    that have this one.
 
     mode                    its frequency and damping, as the shaper states them
     axes                    names
@@ -30,7 +33,9 @@ class Residual:
         """In a line."""
         f, beside = self.mode.frequency, sorted((self.below, self.above))
         shares = " to ".join(dict.fromkeys(f"{100 * each:.1f}" for each in beside))
-        return f"{self.mode}: {100 * self.stated:.1f} % at {f:g} Hz, {shares} % at ±{100 * BESIDE:g} %"
+        return (
+            f"{self.mode}: {100 * self.stated:.1f} % at {f:g} Hz, {shares} % at ±{100 * BESIDE:g} %"
+        )
 
 
 def find_residuals(axes: Sequence[Axis]) -> tuple[Residual, ...]:
@@ -44,7 +49,10 @@ def find_residuals(axes: Sequence[Axis]) -> tuple[Residual, ...]:
         shaper, names = group[0].shaper, tuple(axis.name for axis in group)
         assert shaper is not None  # as they were chosen
         for mode in shaper.parts:
-            left = [shaper.vibration(share * mode.frequency, mode.damping) for share in (1 - BESIDE, 1.0, 1 + BESIDE)]
+            left = [
+                shaper.vibration(share * mode.frequency, mode.damping)
+                for share in (1 - BESIDE, 1.0, 1 + BESIDE)
+            ]
             found.append(Residual(mode, names, *left))
     return tuple(found)
 
@@ -54,8 +62,18 @@ def tabulate_residuals(residuals: Sequence[Residual]) -> Table:
     columns = (
         Column("shaper", [str(each.mode) for each in residuals]),
         Column("axes", [", ".join(each.axes) for each in residuals]),
-        Column(f"{100 - 100 * BESIDE:g} % of f", [100 * each.below for each in residuals], "%", form=".1f"),
+        Column(
+            f"{100 - 100 * BESIDE:g} % of f",
+            [100 * each.below for each in residuals],
+            "%",
+            form=".1f",
+        ),
         Column("at f", [100 * each.stated for each in residuals], "%", form=".1f"),
-        Column(f"{100 + 100 * BESIDE:g} % of f", [100 * each.above for each in residuals], "%", form=".1f"),
+        Column(
+            f"{100 + 100 * BESIDE:g} % of f",
+            [100 * each.above for each in residuals],
+            "%",
+            form=".1f",
+        ),
     )
     return Table("vibration left behind the input shapers, of the unshaped", columns)

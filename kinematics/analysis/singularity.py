@@ -1,9 +1,11 @@
-"""The proof that a straight motion meets no singularity, cell by cell; and how a platform moves when one axis does.
+"""The proof that a straight motion meets no singularity, cell by cell; and how a platform moves
+when one axis does.
 
-Enclosures are balls |x − mid| ≤ rad of symbols: the operations of `Expression.run` on balls instead of numbers give two
-expressions, midpoint and radius, for CasADi to evaluate. The error of the arguments and the rounding of every operation
-are carried along; underflow is not. What has no bound has an infinite or undefined radius, and no operation makes a
-finite one of that. Source: Rump, Acta Numerica 19 (2010), section 5.
+Enclosures are balls |x − mid| ≤ rad of symbols: the operations of `Expression.run` on balls instead
+of numbers give two expressions, midpoint and radius, for CasADi to evaluate. The error of the
+arguments and the rounding of every operation are carried along; underflow is not. What has no bound
+has an infinite or undefined radius, and no operation makes a finite one of that. Source: Rump, Acta
+Numerica 19 (2010), section 5.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ from kinematics.machine.pose import (
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
 
-# Twice the unit roundoff: covers the rounding of the operation itself and of the radius that bounds it.
+# Twice the unit roundoff: covers the rounding of the operation itself and of the radius that bounds
+# it.
 EPS = 2.0**-52
 _EPS = ca.SX(EPS)
 _ONE_ROUNDING = ca.SX(1 + EPS)
@@ -86,7 +89,9 @@ class Ball:
 
     def __add__(self, other: Ball) -> Ball:
         mid = _plus(self.mid, other.mid)
-        return Ball(mid, _plus(_times(_plus(self.rad, other.rad), _ONE_ROUNDING), _times(_EPS, _size(mid))))
+        return Ball(
+            mid, _plus(_times(_plus(self.rad, other.rad), _ONE_ROUNDING), _times(_EPS, _size(mid)))
+        )
 
     def __sub__(self, other: Ball) -> Ball:
         return self + -other
@@ -95,7 +100,9 @@ class Ball:
         if not isinstance(other, Ball):
             other = Ball.constant(other)
         mid = _times(self.mid, other.mid)
-        rad = _plus(_times(_size(self.mid), other.rad), _times(self.rad, _plus(_size(other.mid), other.rad)))
+        rad = _plus(
+            _times(_size(self.mid), other.rad), _times(self.rad, _plus(_size(other.mid), other.rad))
+        )
         return Ball(mid, _plus(_times(rad, _FOUR_ROUNDINGS), _times(_EPS, _size(mid))))
 
     def __truediv__(self, other: Ball) -> Ball:
@@ -120,7 +127,9 @@ class Ball:
         return Ball(ca.if_else(safe, root, 0), ca.if_else(safe, rad, inf))
 
     def sincos(self) -> tuple[Ball, Ball]:
-        """|sin x − sin m| ≤ |cos m| rad + rad²/2, never above 2; libm is trusted to two units in the last place."""
+        """|sin x − sin m| ≤ |cos m| rad + rad²/2, never above 2; libm is trusted to two units in
+        the last place.
+        """
         sine, cosine = ca.sin(self.mid), ca.cos(self.mid)
         rads = (ca.fabs(slope) * self.rad + self.rad**2 / 2 for slope in (cosine, sine))
         bound = [ca.fmin(rad, 2) * (1 + 4 * EPS) + 4 * EPS for rad in rads]
@@ -139,7 +148,9 @@ class Ball:
         error = ca.sqrt(self.rad**2 + x.rad**2) * (1 + 4 * EPS)
         clear = ca.logic_or(x.mid > x.rad, ca.fabs(self.mid) > self.rad)
         rad = error / ca.sqrt((away - error) * (away + error)) * (1 + 8 * EPS) + 8 * EPS
-        return Ball(ca.atan2(self.mid, x.mid), ca.if_else(ca.logic_and(away > error, clear), rad, inf))
+        return Ball(
+            ca.atan2(self.mid, x.mid), ca.if_else(ca.logic_and(away > error, clear), rad, inf)
+        )
 
 
 # Smallest cell, as a share of the motion; beyond it the motion counts as singular.
@@ -148,26 +159,35 @@ MIN_CELL_SHARE = 2.0**-12
 MAX_PARTS = 4
 
 
-def prove_regular(machine: MachineModel, start: Pose, end: Pose, near: Array | None = None) -> np.ndarray:
+def prove_regular(
+    machine: MachineModel, start: Pose, end: Pose, near: Array | None = None
+) -> np.ndarray:
     """Return `prove_nonsingular` of poses."""
     return prove_nonsingular(machine, to_numbers(start), to_numbers(end), near)
 
 
-def prove_nonsingular(machine: MachineModel, start: Array, end: Array, near: Array | None = None) -> np.ndarray:
-    """Prove that the Jacobian is nonsingular along the whole straight motion from start to end: (N,) bool.
+def prove_nonsingular(
+    machine: MachineModel, start: Array, end: Array, near: Array | None = None
+) -> np.ndarray:
+    """Prove that the Jacobian is nonsingular along the whole straight motion from start to end:
+    (N,) bool.
 
     start, end: pose numbers (1, 12) or (N, 12).
 
-    The Jacobian is that of what the machine controls, on the branch of the coordinates near (N, n), or home's.
+    The Jacobian is that of what the machine controls, on the branch of the coordinates near (N, n),
+    or home's.
 
-    Where det J has other signs at the two ends, it vanishes between them. Any other motion is cut into cells c ± h, and
-    over each, by the mean value theorem in guaranteed arithmetic, J(s) lies in J_c + J' [−h, h], with J' the ball of
-    the derivative over the cell. With C ≈ J_c⁻¹, ‖|I − C J_c| + h |C J'|‖_∞ < 1 for all of that ball proves J(s)
-    nonsingular for every s. Cells that fail are cut up, unless J_c itself is singular to rounding, which ends the
-    search of its motion. Columns of rotation are scaled by the characteristic length.
+    Where det J has other signs at the two ends, it vanishes between them. Any other motion is cut
+    into cells c ± h, and over each, by the mean value theorem in guaranteed arithmetic, J(s) lies
+    in J_c + J' [−h, h], with J' the ball of the derivative over the cell. With C ≈ J_c⁻¹, ‖|I − C
+    J_c| + h |C J'|‖_∞ < 1 for all of that ball proves J(s) nonsingular for every s. Cells that fail
+    are cut up, unless J_c itself is singular to rounding, which ends the search of its motion.
+    Columns of rotation are scaled by the characteristic length.
     """
     parameters = straight_numbers(start, end)
-    near = np.broadcast_to(machine.home_q if near is None else near, (len(parameters), len(machine.axes)))
+    near = np.broadcast_to(
+        machine.home_q if near is None else near, (len(parameters), len(machine.axes))
+    )
     with np.errstate(invalid="ignore"):  # out of reach: no sign, and nothing is proved
         ends = (np.broadcast_to(x, (len(near), 12)) for x in (start, end))
         first, last = (np.linalg.slogdet(square_jacobian(machine, x, near)).sign for x in ends)
@@ -180,8 +200,11 @@ def prove_nonsingular(machine: MachineModel, start: Array, end: Array, near: Arr
         hopeless = ~centre | ~fine & (width <= MIN_CELL_SHARE)
         proved[pending[hopeless]] = False
         again = ~fine & ~hopeless & proved[pending]
-        # about as many as the bound asks for, were it to fall with the width's square, as it mostly does
-        parts = np.ceil(np.clip(1.1 * np.sqrt(np.nan_to_num(size[again], nan=9.0)), 2.0, MAX_PARTS)).astype(int)
+        # about as many as the bound asks for, were it to fall with the width's square, as it mostly
+        # does
+        parts = np.ceil(
+            np.clip(1.1 * np.sqrt(np.nan_to_num(size[again], nan=9.0)), 2.0, MAX_PARTS)
+        ).astype(int)
         number = np.arange(parts.sum()) - np.repeat(parts.cumsum() - parts, parts)
         narrow = np.repeat(width[again] / parts, parts)
         low, width = np.repeat(low[again], parts) + number * narrow, narrow
@@ -190,14 +213,18 @@ def prove_nonsingular(machine: MachineModel, start: Array, end: Array, near: Arr
 
 
 def cell_map(machine: MachineModel) -> Expression:
-    """Centre, half width, straight motion (19), near (n) where branched -> J_c, its error, J', its error, all (n, m).
+    """Centre, half width, straight motion (19), near (n) where branched -> J_c, its error, J', its
+    error, all (n, m).
 
-    The last value is finite where all of J is bounded over the whole cell, which is where no other branch is met.
+    The last value is finite where all of J is bounded over the whole cell, which is where no other
+    branch is met.
     """
     s, half, motion = ca.SX.sym("s"), ca.SX.sym("half"), ca.SX.sym("motion", STRAIGHT_SIZE)
     near = ca.SX.sym("near", len(machine.axes) if machine.branched else 0)
     x = column(*straight_pose(s, motion))
-    entries = ca.reshape(machine.controlled_map.function(ca.vertcat(x, near)), len(machine.axes), -1).T
+    entries = ca.reshape(
+        machine.controlled_map.function(ca.vertcat(x, near)), len(machine.axes), -1
+    ).T
     lengths = np.where(columns(machine) < 3, 1.0, 1 / machine.characteristic_length)
     j = ca.vec((entries * ca.repmat(ca.DM(lengths).T, len(machine.axes), 1)).T)
     inputs = ca.vertcat(s, motion, near)
@@ -207,18 +234,27 @@ def cell_map(machine: MachineModel) -> Expression:
     centre, change = at.walk(point, Ball.constant), slope.walk(cell, Ball.constant)
     whole = at.walk(cell, Ball.constant) if machine.branched else []
     loose = ca.sum1(ca.vertcat(0, *(each.rad for each in whole)))
-    out = [*(b.mid for b in centre), *(b.rad for b in centre), *(b.mid for b in change), *(b.rad for b in change)]
+    out = [
+        *(b.mid for b in centre),
+        *(b.rad for b in centre),
+        *(b.mid for b in change),
+        *(b.rad for b in change),
+    ]
     return Expression("cells", ca.vertcat(s, half, motion, near), ca.vertcat(*out, loose))
 
 
 def _bound_cells(
     machine: MachineModel, parameters: Array, near: Array, low: Array, width: Array
 ) -> tuple[Array, np.ndarray]:
-    """(N,) bound below which the Jacobian is proved nonsingular in the whole cell: 1; (N,) whether at its centre."""
+    """(N,) bound below which the Jacobian is proved nonsingular in the whole cell: 1; (N,) whether
+    at its centre.
+    """
     count, axes, half = len(low), len(machine.axes), width / 2
     # a little wider, for the rounding of the cells' ends
     inputs = [(low + half)[:, None], half[:, None] * (1 + 1e-9) + 1e-15, parameters]
-    values = machine.derive(cell_map)(np.concatenate([*inputs, near] if machine.branched else inputs, 1))
+    values = machine.derive(cell_map)(
+        np.concatenate([*inputs, near] if machine.branched else inputs, 1)
+    )
     at, error, change, spread = values[:, :-1].reshape(count, 4, axes, -1).transpose(1, 0, 2, 3)
     inverse = np.linalg.pinv(np.where(np.isfinite(at), at, 0.0))  # out of reach, it proves nothing
     size = np.abs(inverse)
@@ -231,17 +267,24 @@ def _bound_cells(
 
 
 def sensitivity(machine: MachineModel, x: Array, q: Array) -> Array:
-    """(N, 6, n): the twist [v, ω] of the platform in the base frame for the unit change of each axis.
+    """(N, 6, n): the twist [v, ω] of the platform in the base frame for the unit change of each
+    axis.
 
-    J⁻¹ of the columns that the machine controls at pose numbers x (N, 12) and their coordinates q (N, n); zero for what
-    it holds; for what follows, the derivative of the pose that is carried along. Raises MotionError at a singular pose.
+    J⁻¹ of the columns that the machine controls at pose numbers x (N, 12) and their coordinates q
+    (N, n); zero for what it holds; for what follows, the derivative of the pose that is carried
+    along. Raises MotionError at a singular pose.
     """
     twist = controlled_twists(machine, x) @ np.linalg.inv(controlled_jacobian(machine, x, q))
-    return np.asarray(_complete_twists(machine, machine.inputs(x, q)) @ twist) if machine.follows else twist
+    return (
+        np.asarray(_complete_twists(machine, machine.inputs(x, q)) @ twist)
+        if machine.follows
+        else twist
+    )
 
 
 def _complete_twists(machine: MachineModel, inputs: Array) -> Array:
-    """(N, 6, 6): the twist of the pose with what follows filled in, for the twist of what is controlled.
+    """(N, 6, 6): the twist of the pose with what follows filled in, for the twist of what is
+    controlled.
 
     ω of a rotation R that depends on t: [ω]× = (dR/dt) Rᵀ.
     """

@@ -1,18 +1,21 @@
-"""Actuator forces as one expression of the motion, for every kind of machine: what limits and certificates enclose.
+"""Actuator forces as one expression of the motion, for every kind of machine: what limits and
+certificates enclose.
 
-A body's frame is twelve numbers y of the pose x and the coordinates q. With S = ∫ r rᵀ dm about the frame's origin, its
-inertia less its weight does on any small change δy = (δp, δR) the work
+A body's frame is twelve numbers y of the pose x and the coordinates q. With S = ∫ r rᵀ dm about the
+frame's origin, its inertia less its weight does on any small change δy = (δp, δR) the work
 
     m (p̈ + R̈ c − g) · δp + (m (p̈ − g) cᵀ + R̈ S) : δR
 
-which is linear in ÿ: no angular velocity appears. The sum over all bodies, carried back to x and q by the transposed
-derivatives of y, is the work of the actuators: W_x on a change of the pose, W_q on one of the coordinates, so that
+which is linear in ÿ: no angular velocity appears. The sum over all bodies, carried back to x and q
+by the transposed derivatives of y, is the work of the actuators: W_x on a change of the pose, W_q
+on one of the coordinates, so that
 
     f = W_q + J⁻ᵀ Bᵀ W_x + reflected · q̈ + friction · q̇
 
-with J the square Jacobian of what is controlled and B the change of x with it. Lagrange's equations in coordinates with
-constraints; see Udwadia and Kalaba, Analytical Dynamics (1996), chapter 3. The linear systems A f = b are solved
-numerically in batches, and in Taylor series with guaranteed error.
+with J the square Jacobian of what is controlled and B the change of x with it. Lagrange's equations
+in coordinates with constraints; see Udwadia and Kalaba, Analytical Dynamics (1996), chapter 3. The
+linear systems A f = b are solved numerically in batches, and in Taylor series with guaranteed
+error.
 """
 
 from __future__ import annotations
@@ -41,10 +44,11 @@ def solve(matrix: Array, right: Array) -> Array:
 
 
 def solve_series(matrix: Series, right: Series) -> Series:
-    """Return f with A f = b for series A (N, n, n) and b (N, n): A₀ f_k = b_k − Σ_{j>0} A_j f_{k−j}.
+    """Return f with A f = b for series A (N, n, n) and b (N, n): A₀ f_k = b_k − Σ_{j>0} A_j
+    f_{k−j}.
 
-    With C ≈ A₀⁻¹ and E = 1 − C A₀, f = C b + E f, so that |f − C b| ≤ |E| 1 · ‖C b‖/(1 − ‖E‖), the norms largest row
-    sums (Rump, Acta Numerica 19 (2010), section 10); no bound where ‖E‖ ≥ 1.
+    With C ≈ A₀⁻¹ and E = 1 − C A₀, f = C b + E f, so that |f − C b| ≤ |E| 1 · ‖C b‖/(1 − ‖E‖), the
+    norms largest row sums (Rump, Acta Numerica 19 (2010), section 10); no bound where ‖E‖ ≥ 1.
     """
     order = min(matrix.order, right.order)
     full = right.cut(order).pad(order)
@@ -73,7 +77,9 @@ def solve_series(matrix: Series, right: Series) -> Series:
 
 
 def _find_excess(guess: Array, mid: Array, rad: Array) -> Array:
-    """Return upper bounds (N, n) of the row sums of |1 − C A| for C (N, n, n) and balls A (N, n, n)."""
+    """Return upper bounds (N, n) of the row sums of |1 − C A| for C (N, n, n) and balls A (N, n,
+    n).
+    """
     n = mid.shape[-1]
     terms = n + 3
     size = 1 + np.abs(guess) @ np.abs(mid)
@@ -107,11 +113,14 @@ def invert(matrix: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """What gives the forces: those that need no solving, and the system Jᵀ f = Bᵀ W_x where there are others.
+    """What gives the forces: those that need no solving, and the system Jᵀ f = Bᵀ W_x where there
+    are others.
 
-    expression  inputs -> W_q and the axes' own (n), then Bᵀ W_x (n) and Jᵀ row by row (n, n) where they are needed
+    expression  inputs -> W_q and the axes' own (n), then Bᵀ W_x (n) and Jᵀ row by row (n, n) where
+                they are needed
     axes        n
-    count       of motions at one place whose forces these are, one after the other: k of W_q, k of Bᵀ W_x, and one Jᵀ
+    count       of motions at one place whose forces these are, one after the other: k of W_q, k of
+                Bᵀ W_x, and one Jᵀ
     """
 
     expression: Expression
@@ -123,7 +132,9 @@ class Balance:
     @overload
     def force(self, values: Series) -> Series: ...
     def force(self, values: Array | Series) -> Array | Series:
-        """Forces (N, k n) of the expression's values (N, m); nan, or no bound, where the machine is singular."""
+        """Forces (N, k n) of the expression's values (N, m); nan, or no bound, where the machine is
+        singular.
+        """
         n, k = self.axes, self.count
         if self.expression.size[1] == k * n:
             return values
@@ -141,39 +152,54 @@ class Balance:
 
 
 def force_map(machine: MachineModel) -> Balance:
-    """x, ẋ, ẍ (12 each), q, q̇, q̈ (n each) -> actuator forces f (n), N or N·m, positive towards greater q.
+    """x, ẋ, ẍ (12 each), q, q̇, q̈ (n each) -> actuator forces f (n), N or N·m, positive towards
+    greater q.
 
     x has what follows filled in; q tells the branch too.
     """
     x, q = _Rates(12, "x"), _Rates(len(machine.axes), "q")
-    reflected, friction = (ca.DM([getattr(axis, name) for axis in machine.axes]) for name in ("reflected", "friction"))
+    reflected, friction = (
+        ca.DM([getattr(axis, name) for axis in machine.axes]) for name in ("reflected", "friction")
+    )
     own, solved = _load_forces(machine, x, q)
     values = ca.vertcat(own + reflected * q.second + friction * q.first, solved)
     return Balance(Expression("force", ca.vertcat(*x.all, *q.all), values), len(machine.axes))
 
 
 def force_terms_map(machine: MachineModel) -> Balance:
-    """x, x′, x″ (12 each), q, q′, q″ (n each) along a path -> actuator forces (3 n) of three motions: at rest, at rest
-    with s̈ = 1, and with ṡ = 1; of a motion ẋ = x′ ṡ and ẍ = x′ s̈ + x″ ṡ², and q so too.
+    """x, x′, x″ (12 each), q, q′, q″ (n each) along a path -> actuator forces (3 n) of three
+    motions: at rest, at rest with s̈ = 1, and with ṡ = 1; of a motion ẋ = x′ ṡ and ẍ = x′ s̈ + x″
+    ṡ², and q so too.
     """
     x, q = _Rates(12, "x"), _Rates(len(machine.axes), "q")
-    reflected, friction = (ca.DM([getattr(axis, name) for axis in machine.axes]) for name in ("reflected", "friction"))
+    reflected, friction = (
+        ca.DM([getattr(axis, name) for axis in machine.axes]) for name in ("reflected", "friction")
+    )
     own, solved = _load_forces(machine, x, q)
     right = solved[: len(machine.axes)] if solved.numel() else solved
     forces = own + reflected * q.second + friction * q.first
-    rates, still = ca.vertcat(x.first, q.first, x.second, q.second), ca.SX.zeros(12 + len(machine.axes))
+    rates, still = (
+        ca.vertcat(x.first, q.first, x.second, q.second),
+        ca.SX.zeros(12 + len(machine.axes)),
+    )
     first, second = ca.vertcat(x.first, q.first), ca.vertcat(x.second, q.second)
     motions = [ca.vertcat(still, still), ca.vertcat(still, first), ca.vertcat(first, second)]
     parts = [ca.substitute(part, rates, motion) for part in (forces, right) for motion in motions]
     values = ca.vertcat(*parts, solved[len(machine.axes) :] if solved.numel() else solved)
-    return Balance(Expression("force_terms", ca.vertcat(*x.all, *q.all), values), len(machine.axes), len(motions))
+    return Balance(
+        Expression("force_terms", ca.vertcat(*x.all, *q.all), values),
+        len(machine.axes),
+        len(motions),
+    )
 
 
 def holding_map(machine: MachineModel) -> Balance:
     """x (12), q (n) -> the forces that hold the machine still."""
     x, q = _Rates(12, "x"), _Rates(len(machine.axes), "q")
     moving = ca.vertcat(x.first, x.second, q.first, q.second)
-    values = ca.substitute(ca.vertcat(*_load_forces(machine, x, q)), moving, ca.SX.zeros(moving.numel()))
+    values = ca.substitute(
+        ca.vertcat(*_load_forces(machine, x, q)), moving, ca.SX.zeros(moving.numel())
+    )
     return Balance(Expression("holding", ca.vertcat(x.value, q.value), values), len(machine.axes))
 
 
@@ -203,30 +229,46 @@ def _load_forces(machine: MachineModel, x: _Rates, q: _Rates) -> tuple[ca.SX, ca
         if body.mass > 0:
             rate = ca.jtimes(frame, state, first)
             acceleration = ca.jtimes(rate, state, first) + ca.jtimes(frame, state, second)
-            work += ca.jtimes(frame, state, _inertial_force(body, acceleration, machine.gravity), True)
+            work += ca.jtimes(
+                frame, state, _inertial_force(body, acceleration, machine.gravity), True
+            )
     if machine.load.wrench.any():
         platform = moved[0][1]
-        work -= ca.jtimes(platform, state, _wrench_force(machine.load.wrench, split_pose_symbols(platform)[1]), True)
+        work -= ca.jtimes(
+            platform,
+            state,
+            _wrench_force(machine.load.wrench, split_pose_symbols(platform)[1]),
+            True,
+        )
     on_pose, on_axes = work[:12], work[12:]
     push, turns = split_pose_symbols(on_pose)
     moment = sum((ca.cross(rotation[:, k], turns[:, k]) for k in range(3)), ca.SX.zeros(3))
     generalized = controlled_twist_symbols(machine, rotation).T @ ca.vertcat(push, moment)
     if generalized.is_zero():
         return on_axes, ca.SX(0, 1)
-    return on_axes, ca.vertcat(generalized, ca.vec(_square_jacobian(machine, position, rotation, q.value)))
+    return on_axes, ca.vertcat(
+        generalized, ca.vec(_square_jacobian(machine, position, rotation, q.value))
+    )
 
 
 def _inertial_force(body: Body, acceleration: ca.SX, gravity: Array) -> ca.SX:
     """What ÿ asks for: conjugate to the frame's twelve numbers."""
     linear, turning = split_pose_symbols(acceleration)
     spread = body.inertia
-    about_origin = np.trace(spread) / 2 * np.eye(3) - spread + body.mass * np.outer(body.centre, body.centre)
+    about_origin = (
+        np.trace(spread) / 2 * np.eye(3) - spread + body.mass * np.outer(body.centre, body.centre)
+    )
     centre, free = ca.DM(body.centre), linear - ca.DM(gravity)
-    return column(body.mass * (free + turning @ centre), body.mass * free @ centre.T + turning @ ca.DM(about_origin))
+    return column(
+        body.mass * (free + turning @ centre),
+        body.mass * free @ centre.T + turning @ ca.DM(about_origin),
+    )
 
 
 def _wrench_force(wrench: Array, rotation: ca.SX) -> ca.SX:
-    """The same of a force and a moment M on the frame: M · δθ = ½ Σ (M × r_k) · δr_k over the columns of R."""
+    """The same of a force and a moment M on the frame: M · δθ = ½ Σ (M × r_k) · δr_k over the
+    columns of R.
+    """
     moment = ca.DM(wrench[3:])
     turns = ca.horzcat(*(ca.cross(moment, rotation[:, k]) / 2 for k in range(3)))
     return column(ca.SX(ca.DM(wrench[:3])), turns)

@@ -1,9 +1,11 @@
-"""The workspace: where a machine can go at one orientation, and the largest box and sphere in there.
+"""The workspace: where a machine can go at one orientation, and the largest box and sphere in
+there.
 
-The positions of a plane, a line or a volume are cut into cells by a grid. `use` tells how much of its limits the
-machine uses at every node; `proved` which cells are inside all limits as a whole (see
-`kinematics.analysis.containment`). The largest box and sphere are made of proved cells, so what they promise holds at
-every point of theirs, and only their being the largest depends on the grid.
+The positions of a plane, a line or a volume are cut into cells by a grid. `use` tells how much of
+its limits the machine uses at every node; `proved` which cells are inside all limits as a whole
+(see `kinematics.analysis.containment`). The largest box and sphere are made of proved cells, so
+what they promise holds at every point of theirs, and only their being the largest depends on the
+grid.
 """
 
 from __future__ import annotations
@@ -17,7 +19,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.analysis.containment import KINDS, Containment, contains, describe_worst, pose_rows, prove, uses
+from kinematics.analysis.containment import (
+    KINDS,
+    Containment,
+    contains,
+    describe_worst,
+    pose_rows,
+    prove,
+    uses,
+)
 from kinematics.analysis.margins import USE_ROUNDING
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
@@ -38,9 +48,11 @@ MAX_CELLS = 1000
 def largest_block(
     solid: np.ndarray, sides: Sequence[float], holding: tuple[int, int, int] | None = None
 ) -> tuple[tuple[int, int, int], tuple[int, int, int]] | None:
-    """First and end cell of the largest block of a grid (a, b, c) that is all true; `holding` a cell, or any.
+    """First and end cell of the largest block of a grid (a, b, c) that is all true; `holding` a
+    cell, or any.
 
-    For every width and depth, the places where a block of that base is true, then the longest run of them upwards.
+    For every width and depth, the places where a block of that base is true, then the longest run
+    of them upwards.
     """
     best, found = 0.0, None
     wide_solid = solid
@@ -66,7 +78,9 @@ def largest_block(
 
 
 def _longest_runs(solid: np.ndarray, through: int | None) -> tuple[np.ndarray, np.ndarray]:
-    """Start and length (a, b) of the longest run of true along the last axis, or of the one through an index."""
+    """Start and length (a, b) of the longest run of true along the last axis, or of the one through
+    an index.
+    """
     number = np.arange(1, solid.shape[2] + 1)
     run = number - np.maximum.accumulate(np.where(solid, 0, number), 2)
     if through is None:
@@ -81,7 +95,8 @@ def _longest_runs(solid: np.ndarray, through: int | None) -> tuple[np.ndarray, n
 
 # Halvings of a cell that its proof may take.
 MAX_PROOF_HALVINGS = 4
-# Points a side of the coarse grid that looks for the machine's reach, and how often that may double.
+# Points a side of the coarse grid that looks for the machine's reach, and how often that may
+# double.
 COARSE_POINTS, MAX_DOUBLINGS = 13, 12
 Range = tuple[float, float] | float | None
 
@@ -100,7 +115,9 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Sphere:
-    """Positions within `radius` of `centre` (3,), m, in the base frame; a disc where the workspace is a plane."""
+    """Positions within `radius` of `centre` (3,), m, in the base frame; a disc where the workspace
+    is a plane.
+    """
 
     centre: Array
     radius: float
@@ -111,7 +128,8 @@ class Workspace(Result):
     """nodes: three arrays of coordinates (m, base frame; one entry where a coordinate is held).
 
     uses    (nx, ny, nz, 4) share of travel, tilt, clearance and room that is used at each node
-    proved  (nx − 1, ny − 1, nz − 1) bool: the whole cell is inside all limits (one cell where a coordinate is held)
+    proved  (nx − 1, ny − 1, nz − 1) bool: the whole cell is inside all limits (one cell where a
+            coordinate is held)
     """
 
     machine: Machine
@@ -148,7 +166,9 @@ class Workspace(Result):
         return Table(title, looked, (share,)), Table("largest box and sphere that are proved", best)
 
     def data(self) -> Table:
-        """Every node: its position, the share of each limit that is used there, and whether it is inside all."""
+        """Every node: its position, the share of each limit that is used there, and whether it is
+        inside all.
+        """
         grid = np.stack(np.meshgrid(*self.nodes, indexing="ij"), -1).reshape(-1, 3)
         places = (Column(name, grid[:, k], "m") for k, name in enumerate("xyz"))
         uses = (Column(kind, self.uses[..., k].ravel()) for k, kind in enumerate(KINDS))
@@ -156,7 +176,8 @@ class Workspace(Result):
         return Table(f"workspace of {self.machine.name}", (*places, *uses, inside))
 
     def largest_box(self, around: ArrayLike | None = None) -> Box:
-        """The box of proved cells with the largest volume: anywhere, or with the position `around` (3,) m in it.
+        """The box of proved cells with the largest volume: anywhere, or with the position `around`
+        (3,) m in it.
 
         Raises MotionError where there is none.
         """
@@ -168,10 +189,11 @@ class Workspace(Result):
         return Box(low, high)
 
     def largest_sphere(self, around: ArrayLike | None = None) -> Sphere:
-        """The largest sphere of proved cells about a node or the middle between some, or about `around` (3,) m.
+        """The largest sphere of proved cells about a node or the middle between some, or about
+        `around` (3,) m.
 
-        Its radius is the distance to the nearest cell that is not proved, or to the end of the grid; a disc in a plane.
-        Raises MotionError where there is none.
+        Its radius is the distance to the nearest cell that is not proved, or to the end of the
+        grid; a disc in a plane. Raises MotionError where there is none.
         """
         if around is None:
             points = [np.linspace(n[0], n[-1], 2 * len(n) - 1) for n in self.nodes]
@@ -180,17 +202,23 @@ class Workspace(Result):
             points = [np.array([value], float) for value in np.asarray(around)]
         border = [(0, 0) if self._is_held(k) else (1, 1) for k in range(3)]
         square = np.where(np.pad(self.proved, border), np.inf, 0.0)
-        for k in range(3):  # the nearest over one coordinate after the other: squares of distances add up
+        for k in range(
+            3
+        ):  # the nearest over one coordinate after the other: squares of distances add up
             lines = np.moveaxis(square, k, -1)
             nearest = [(lines + gap**2).min(-1) for gap in self._gaps(k, points[k])]
             square = np.stack(nearest, k)
         best = np.unravel_index(int(np.argmax(square)), square.shape)
         if not square[best] > 0:
             raise self._make_refusal("sphere", around)
-        return Sphere(freeze_array([points[k][best[k]] for k in range(3)]), float(np.sqrt(square[best])))
+        return Sphere(
+            freeze_array([points[k][best[k]] for k in range(3)]), float(np.sqrt(square[best]))
+        )
 
     def contains(self, low: ArrayLike, high: ArrayLike) -> Containment:
-        """Whether the machine can go everywhere in the box low … high (3,) m, on the grid or off it; if not, where."""
+        """Whether the machine can go everywhere in the box low … high (3,) m, on the grid or off
+        it; if not, where.
+        """
         return contains(self.machine, self.rotation, low, high)
 
     def _is_held(self, k: int) -> bool:
@@ -202,7 +230,9 @@ class Workspace(Result):
         return np.repeat(nodes, 2) if self._is_held(k) else nodes
 
     def _gaps(self, k: int, points: Array) -> Array:
-        """(P, cells) m along a coordinate from points to cells, and to what is beyond either end of the grid."""
+        """(P, cells) m along a coordinate from points to cells, and to what is beyond either end of
+        the grid.
+        """
         if self._is_held(k):
             return np.zeros((len(points), 1))
         edges = np.concatenate([[-np.inf], self._edges(k), [np.inf]])
@@ -220,7 +250,13 @@ class Workspace(Result):
                     f"has {low * 1e3:.6g} to {high * 1e3:.6g} mm; ask for a larger one"
                 )
         x, y, z = (
-            int(np.clip(np.searchsorted(self.nodes[k], place[k], "right") - 1, 0, self.proved.shape[k] - 1))
+            int(
+                np.clip(
+                    np.searchsorted(self.nodes[k], place[k], "right") - 1,
+                    0,
+                    self.proved.shape[k] - 1,
+                )
+            )
             for k in range(3)
         )
         return x, y, z
@@ -250,7 +286,8 @@ def workspace(
     machine
         The machine, its name, or the path of its file.
     x, y, z
-        (low, high) m in the base frame; one number: held there. None: as far as the machine reaches from home.
+        (low, high) m in the base frame; one number: held there. None: as far as the machine reaches
+        from home.
     rotation
         Of the platform in the base frame. None: home's.
     cells
@@ -275,16 +312,34 @@ def workspace(
         )
     rotation = machine.home.rotation if rotation is None else rotation
     if not isinstance(rotation, Rotation):
-        raise MotionError(f"workspace of {machine.name}: rotation must be SciPy's Rotation, not {rotation!r:.100}")
-    check_pose(machine.name, "the workspace's rotation", RigidTransform.from_rotation(rotation), single=True)
+        raise MotionError(
+            f"workspace of {machine.name}: rotation must be SciPy's Rotation, not {rotation!r:.100}"
+        )
+    check_pose(
+        machine.name,
+        "the workspace's rotation",
+        RigidTransform.from_rotation(rotation),
+        single=True,
+    )
     asked = [_range(machine, k, given) for k, given in enumerate((x, y, z))]
-    ranges = _find_ranges(machine, rotation, asked) if None in asked else [r for r in asked if r is not None]
+    ranges = (
+        _find_ranges(machine, rotation, asked)
+        if None in asked
+        else [r for r in asked if r is not None]
+    )
     counts = [cells if high > low else 0 for low, high in ranges]
-    nodes: list[Array] = [freeze_array(np.linspace(*ends, n + 1)) for ends, n in zip(ranges, counts, strict=True)]
+    nodes: list[Array] = [
+        freeze_array(np.linspace(*ends, n + 1)) for ends, n in zip(ranges, counts, strict=True)
+    ]
     positions = _points(*nodes)
-    refuse_uncontrolled(machine, pose_rows(positions, rotation), lambda k: f"position {positions[k] * 1e3} mm")
+    refuse_uncontrolled(
+        machine, pose_rows(positions, rotation), lambda k: f"position {positions[k] * 1e3} mm"
+    )
     used = uses(machine, rotation, positions).reshape(*(len(n) for n in nodes), len(KINDS))
-    low, high = _points(*(n[: max(1, len(n) - 1)] for n in nodes)), _points(*(n[min(1, len(n) - 1) :] for n in nodes))
+    low, high = (
+        _points(*(n[: max(1, len(n) - 1)] for n in nodes)),
+        _points(*(n[min(1, len(n) - 1) :] for n in nodes)),
+    )
     inside = _cells_of(used.max(-1) <= 1 + USE_ROUNDING).ravel()
     inside[inside] = prove(machine, rotation, low[inside], high[inside], MAX_PROOF_HALVINGS)[0]
     proved = inside.reshape([max(1, count) for count in counts])
@@ -308,14 +363,21 @@ def _range(machine: Machine, k: int, given: Range) -> tuple[float, float] | None
 def _find_ranges(
     machine: Machine, rotation: Rotation, asked: Sequence[tuple[float, float] | None]
 ) -> list[tuple[float, float]]:
-    """The ranges, with those not given grown from home until nothing inside is found on a face, then cut to fit."""
+    """The ranges, with those not given grown from home until nothing inside is found on a face,
+    then cut to fit.
+    """
     home, size = machine.home.translation, machine.characteristic_length
     low = np.array([home[k] - size / 2 if r is None else r[0] for k, r in enumerate(asked)])
     high = np.array([home[k] + size / 2 if r is None else r[1] for k, r in enumerate(asked)])
     open_ = [k for k, r in enumerate(asked) if r is None]
     for _ in range(MAX_DOUBLINGS):
-        nodes = [np.linspace(low[k], high[k], COARSE_POINTS if high[k] > low[k] else 1) for k in range(3)]
-        inside = uses(machine, rotation, _points(*nodes)).max(1).reshape([len(n) for n in nodes]) <= 1 + USE_ROUNDING
+        nodes = [
+            np.linspace(low[k], high[k], COARSE_POINTS if high[k] > low[k] else 1) for k in range(3)
+        ]
+        inside = (
+            uses(machine, rotation, _points(*nodes)).max(1).reshape([len(n) for n in nodes])
+            <= 1 + USE_ROUNDING
+        )
         span, grown = high - low, False
         for k in open_:
             faces = np.moveaxis(inside, k, 0)

@@ -1,7 +1,7 @@
 """Measurements held against the machine.
 
-Before anything is fitted to them: which poses it can have been sent to. After: whether what was found explains those
-that nothing was fitted to.
+Before anything is fitted to them: which poses it can have been sent to. After: whether what was
+found explains those that nothing was fitted to.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ NOISE_SIGMAS = 3.0
 
 @dataclass(frozen=True, slots=True)
 class DirectionCheck:
-    """A direction of the platform's z axis (rad): as commanded, as measured, and as predicted after the calibration.
+    """A direction of the platform's z axis (rad): as commanded, as measured, and as predicted after
+    the calibration.
 
     tilt      angle from z, of the three
     heading   of the tilt: azimuth about z from x, of the three
@@ -52,7 +53,9 @@ class DirectionCheck:
 def axis_checks(calibration: Calibration) -> tuple[DirectionCheck, ...]:
     """Every direction that was measured and not fitted to, of the poses that are checks."""
     data = calibration.measurements
-    return tuple(_check(calibration, int(k)) for k in np.flatnonzero(~data.fit & data.seen[:, AXIS].all(1)))
+    return tuple(
+        _check(calibration, int(k)) for k in np.flatnonzero(~data.fit & data.seen[:, AXIS].all(1))
+    )
 
 
 def _check(calibration: Calibration, k: int) -> DirectionCheck:
@@ -84,25 +87,36 @@ def _direction_angle(axis: Array) -> float:
 
 
 MAX_TRAVEL_USE = 2.0
-"""Half strokes from the middle of its travel up to which an axis may be sent: half a stroke past its ends, since home
-and lengths of the nominal machine are not those of the real one. More than that is another unit, sign or frame."""
+"""Half strokes from the middle of its travel up to which an axis may be sent: half a stroke past
+its ends, since home and lengths of the nominal machine are not those of the real one. More than
+that is another unit, sign or frame.
+"""
 
 
-def select_reachable(machine: Machine, measured: Measurements) -> tuple[Measurements, tuple[str, ...]]:
-    """The measurements without the checks that the machine cannot be sent to, and why each of those is left out.
+def select_reachable(
+    machine: Machine, measured: Measurements
+) -> tuple[Measurements, tuple[str, ...]]:
+    """The measurements without the checks that the machine cannot be sent to, and why each of those
+    is left out.
 
-    Raises FileError with every fitted pose that it cannot be sent to: out of reach, of travel or of its freedom, or
-    singular.
+    Raises FileError with every fitted pose that it cannot be sent to: out of reach, of travel or of
+    its freedom, or singular.
     """
     commanded = machine.home * measured.commanded
     if _obstacle(machine, commanded, "") is None:
         return measured, ()
     obstacles = {
-        k: told for k, label in enumerate(measured.labels) if (told := _obstacle(machine, commanded[k], label))
+        k: told
+        for k, label in enumerate(measured.labels)
+        if (told := _obstacle(machine, commanded[k], label))
     }
-    remedy = "check the file's units, signs and frame (poses count from home), or leave that pose out"
+    remedy = (
+        "check the file's units, signs and frame (poses count from home), or leave that pose out"
+    )
     lines = measured.lines or (None,) * len(measured)
-    faults = [Fault("", f"{told}; {remedy}", lines[k]) for k, told in obstacles.items() if measured.fit[k]]
+    faults = [
+        Fault("", f"{told}; {remedy}", lines[k]) for k, told in obstacles.items() if measured.fit[k]
+    ]
     if faults:
         raise FileError(measured.name, faults)
     kept = [k for k in range(len(measured)) if k not in obstacles]

@@ -1,6 +1,7 @@
 """The calibration of a machine: its parameters by least squares, and the machine that has them.
 
-What the parameters are worth is told too, and what a further measurement would be, before it is made.
+What the parameters are worth is told too, and what a further measurement would be, before it is
+made.
 """
 
 from collections.abc import Sequence
@@ -41,10 +42,12 @@ BODY_KEYS = ("leg_radius", "leg_ends", "base_disc", "platform_disc")
 
 
 def build_calibrated(prediction: Prediction, theta: Array) -> Machine:
-    """The machine of a full vector (k,): pulse · factor, joints, and as home the pose that it takes at zero counts.
+    """The machine of a full vector (k,): pulse · factor, joints, and as home the pose that it takes
+    at zero counts.
 
-    Offsets need no place of their own: home_q = q(home) of that pose is the nominal q_home + offset. The measuring
-    frame is no part of the machine. Raises MotionError where there is no pose at zero counts.
+    Offsets need no place of their own: home_q = q(home) of that pose is the nominal q_home +
+    offset. The measuring frame is no part of the machine. Raises MotionError where there is no pose
+    at zero counts.
     """
     machine, vector = prediction.machine, prediction.vector
     for axis, factor in zip(machine.axes, theta[vector.factors()], strict=True):
@@ -62,7 +65,9 @@ def build_calibrated(prediction: Prediction, theta: Array) -> Machine:
     if offsets.any() or (joints != vector.nominal[vector.joints()]).any():
         x = prediction.poses(theta, np.zeros((1, len(axes))), to_numbers(home))
         if not np.isfinite(x).all():
-            raise MotionError(f"machine {machine.name}: it has no pose at zero counts with the identified parameters")
+            raise MotionError(
+                f"machine {machine.name}: it has no pose at zero counts with the identified parameters"
+            )
         home = from_numbers(x[0])
     if isinstance(machine, Hexapod):
         return _hexapod(machine, joints.reshape(2, 6, 3), axes, home)
@@ -84,7 +89,11 @@ def _hexapod(machine: Hexapod, joints: Array, axes: list[Axis], home: Pose) -> H
         max_tilt=(float(machine.max_tilt[0]), float(machine.max_tilt[6])),
         name=f"{machine.name}-calibrated",
         load=machine.load,
-        **({} if machine.bodies is None else {key: getattr(machine.bodies, key) for key in BODY_KEYS}),
+        **(
+            {}
+            if machine.bodies is None
+            else {key: getattr(machine.bodies, key) for key in BODY_KEYS}
+        ),
     )
 
 
@@ -93,9 +102,11 @@ USES: dict[Use | None, int] = {"position": POSITION.stop, None: AXIS.start, "all
 """How many of the components are fitted to, of those that were measured."""
 # Errors of a start over those of the best one up to which it is tried too.
 MAX_START_RATIO = 10.0
-# Errors over those found before below which another minimum is the better one: less may be rounding.
+# Errors over those found before below which another minimum is the better one: less may be
+# rounding.
 MAX_IMPROVED_RATIO = 0.999
-# Share of a pose's own weight in its fit, short of one, beyond which the other poses do not determine it.
+# Share of a pose's own weight in its fit, short of one, beyond which the other poses do not
+# determine it.
 MAX_LEVERAGE = 1 - 1e-9
 
 
@@ -109,10 +120,11 @@ def calibrate(
 ) -> Calibration:
     """Identify a machine's parameters by maximum likelihood under the measurements' noise.
 
-    Standard errors: of a stated noise, multiplied by `scale` where that exceeds 1 (the factor of the Particle Data
-    Group); of a noise that is not stated, by `scale` itself, one radian of rotation counting as the machine's
-    characteristic length. Combinations that the data do not show stay as they are at the nominal parameters, with the
-    frame that carries commanded poses nearest to the measured ones.
+    Standard errors: of a stated noise, multiplied by `scale` where that exceeds 1 (the factor of
+    the Particle Data Group); of a noise that is not stated, by `scale` itself, one radian of
+    rotation counting as the machine's characteristic length. Combinations that the data do not show
+    stay as they are at the nominal parameters, with the frame that carries commanded poses nearest
+    to the measured ones.
 
     Parameters
     ----------
@@ -121,21 +133,25 @@ def calibrate(
     parts
         Which parameters, see PARTS.
     use
-        "position" or "all" that was measured. None: positions and rotations, not the direction of an axis alone, since
+        "position" or "all" that was measured. None: positions and rotations, not the direction of
+        an axis alone, since
         that asks for a model of how the measuring frame is tilted.
     other_machine
-        Fit measurements that state another machine's name, as of the same machine in a file of another name.
+        Fit measurements that state another machine's name, as of the same machine in a file of
+        another name.
 
     Returns
     -------
     Calibration
-        Parameters that never explain the data worse than the nominal ones, and the machine that has them. Checks that
+        Parameters that never explain the data worse than the nominal ones, and the machine that has
+        them. Checks that
         the machine cannot be sent to are left out, and named in `Calibration.skipped`.
 
     Raises
     ------
     MotionError
-        A part is unknown, there are fewer values than parameters, the machine cannot be sent to fitted poses, the
+        A part is unknown, there are fewer values than parameters, the machine cannot be sent to
+        fitted poses, the
         search does not converge, or measurements contradict the machine or are of another one.
     """
     machine, measured = load_machine(machine), load_measurements(measured)
@@ -153,7 +169,10 @@ def calibrate(
             f"{count_noun(len(parameters), 'parameter')} "
             f"({', '.join(parts)}); measure more poses, or identify fewer parameters"
         )
-    prediction, select = Prediction.from_measurements(machine, vector, measured), selection(vector, parameters)
+    prediction, select = (
+        Prediction.from_measurements(machine, vector, measured),
+        selection(vector, parameters),
+    )
     weights = weights_of(machine, measured)
     before, _ = prediction.at(vector.nominal)
 
@@ -165,7 +184,9 @@ def calibrate(
 
     degrees = int(chosen.sum()) - found.rank
     scale = _weighted_norm(after, weights, chosen) / sqrt(degrees) if degrees else nan
-    unseen = find_unseen(prediction, theta, found, (weights, np.asarray(chosen.any(0), float), select))
+    unseen = find_unseen(
+        prediction, theta, found, (weights, np.asarray(chosen.any(0), float), select)
+    )
     widened = error_scale(measured.noise, scale)
     known = np.where(measured.seen, 1.0, np.nan)
     return Calibration(
@@ -179,13 +200,17 @@ def calibrate(
         before=freeze_array(before * known),
         after=freeze_array(after * known),
         left_out=freeze_array(
-            _leave_one_out_errors(after, jacobian @ (select @ found.observable_changes), weights, chosen)
+            _leave_one_out_errors(
+                after, jacobian @ (select @ found.observable_changes), weights, chosen
+            )
         ),
         used=freeze_array(chosen, bool),
         scale=scale,
         degrees=degrees,
         skipped=skipped,
-        unseen="" if unseen is None else unseen.describe([parameter.name for parameter in parameters]),
+        unseen=""
+        if unseen is None
+        else unseen.describe([parameter.name for parameter in parameters]),
     )
 
 
@@ -199,9 +224,13 @@ def _refuse_other(machine: Machine, measured: Measurements) -> None:
         )
 
 
-def _find_best(prediction: Prediction, starts: list[Array], weights: Array, chosen: np.ndarray, select: Array) -> Array:
-    """The full vector of least errors from the best start, or from another that is not far worse and leads to less:
-    few data may have a minimum near each. Raises MotionError where none leads anywhere, of the best start."""
+def _find_best(
+    prediction: Prediction, starts: list[Array], weights: Array, chosen: np.ndarray, select: Array
+) -> Array:
+    """The full vector of least errors from the best start, or from another that is not far worse
+    and leads to less: few data may have a minimum near each. Raises MotionError where none leads
+    anywhere, of the best start.
+    """
 
     def size(theta: Array) -> float:
         return _weighted_norm(prediction.at(theta)[0], weights, chosen)
@@ -211,7 +240,9 @@ def _find_best(prediction: Prediction, starts: list[Array], weights: Array, chos
     refusal: MotionError | None = None
     tried: list[Array] = []
     for start in ordered:
-        if size(start) > MAX_START_RATIO * size(ordered[0]) or any((start == other).all() for other in tried):
+        if size(start) > MAX_START_RATIO * size(ordered[0]) or any(
+            (start == other).all() for other in tried
+        ):
             continue
         tried.append(start)
         seen = _find_observability(
@@ -230,7 +261,9 @@ def _find_best(prediction: Prediction, starts: list[Array], weights: Array, chos
 
 
 def _used_components(measured: Measurements, use: Use | None) -> np.ndarray:
-    return np.asarray(measured.seen & measured.fit[:, None] & (np.arange(measured.seen.shape[1]) < USES[use]))
+    return np.asarray(
+        measured.seen & measured.fit[:, None] & (np.arange(measured.seen.shape[1]) < USES[use])
+    )
 
 
 def _weighted_norm(errors: Array, weights: Array, chosen: np.ndarray) -> float:
@@ -238,7 +271,9 @@ def _weighted_norm(errors: Array, weights: Array, chosen: np.ndarray) -> float:
 
 
 def weights_of(machine: Machine, measured: Measurements) -> Array:
-    """(8,) 1 / the noise of each component; where it is not stated, a radian counts as the machine's own length."""
+    """(8,) 1 / the noise of each component; where it is not stated, a radian counts as the
+    machine's own length.
+    """
     noise = measured.noise or Noise(1.0, 1.0 / machine.characteristic_length)
     return np.array([1 / noise.position] * 3 + [1 / noise.rotation] * 5)
 
@@ -250,7 +285,11 @@ def _find_observability(
 
 
 def _estimates(
-    vector: FullVector, parameters: Sequence[FreeParameter], theta: Array, found: Observability, widened: float
+    vector: FullVector,
+    parameters: Sequence[FreeParameter],
+    theta: Array,
+    found: Observability,
+    widened: float,
 ) -> tuple[Estimate, ...]:
     error = widened * np.sqrt((found.observable_changes**2).sum(1))
     return tuple(
@@ -265,7 +304,9 @@ def _estimates(
     )
 
 
-def _leave_one_out_errors(errors: Array, jacobian: Array, weights: Array, chosen: np.ndarray) -> Array:
+def _leave_one_out_errors(
+    errors: Array, jacobian: Array, weights: Array, chosen: np.ndarray
+) -> Array:
     """(I − H_kk)⁻¹ e_k of every pose, H the projection onto the fit's tangent space."""
     rows = jacobian * weights[:, None] * chosen[..., None]
     normal = np.linalg.inv(np.einsum("nia,nib->ab", rows, rows))
@@ -282,10 +323,12 @@ def _leave_one_out_errors(errors: Array, jacobian: Array, weights: Array, chosen
 
 @check_arguments()
 def foreseen_errors(calibration: Calibration, commanded: Pose) -> Array:
-    """Predicted standard errors of the parameters if one of N further poses were measured, one at a time.
+    """Predicted standard errors of the parameters if one of N further poses were measured, one at a
+    time.
 
-    They depend on where a pose is and not on what will be read there: Σ⁻¹ = Σ₀⁻¹ + Jᵀ W J of its errors' Jacobian J at
-    the estimates, of the components that the calibration used and with its noise.
+    They depend on where a pose is and not on what will be read there: Σ⁻¹ = Σ₀⁻¹ + Jᵀ W J of its
+    errors' Jacobian J at the estimates, of the components that the calibration used and with its
+    noise.
 
     Parameters
     ----------
@@ -308,12 +351,17 @@ def foreseen_errors(calibration: Calibration, commanded: Pose) -> Array:
     vector = full_vector(machine)
     select = selection(vector, free_parameters(vector, calibration.parts))
     theta = vector.nominal + select @ [each.value - each.nominal for each in calibration.parameters]
-    further = select_reachable(machine, whole_poses(commanded, commanded, name="further measurements"))[0]
+    further = select_reachable(
+        machine, whole_poses(commanded, commanded, name="further measurements")
+    )[0]
     jacobian = Prediction.from_measurements(machine, vector, further).at(theta)[1]
     kept = calibration.used.any(0)
     rows = (jacobian * weights_of(machine, data)[:, None])[:, kept] @ select
     known = calibration.observability
     so_far = known.singular[:, None] * known.combinations / known.scale
     found = [observe(np.concatenate([so_far, own]), known.poses + 1) for own in rows]
-    size = [np.where(each.separate, np.sqrt((each.observable_changes**2).sum(1)), np.inf) for each in found]
+    size = [
+        np.where(each.separate, np.sqrt((each.observable_changes**2).sum(1)), np.inf)
+        for each in found
+    ]
     return freeze_array(error_scale(data.noise, calibration.scale) * np.array(size))

@@ -6,9 +6,22 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple,
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from kinematics.calibration.measurements import AXIS, MAX_HOME_DISTANCE, POSITION, Measurements, Noise
+from kinematics.calibration.measurements import (
+    AXIS,
+    MAX_HOME_DISTANCE,
+    POSITION,
+    Measurements,
+    Noise,
+)
 from kinematics.files.keys import Chosen, key
-from kinematics.files.schema import File, TableSchema, build, one_of_tables, read_declared_units, unit_validator
+from kinematics.files.schema import (
+    File,
+    TableSchema,
+    build,
+    one_of_tables,
+    read_declared_units,
+    unit_validator,
+)
 from kinematics.files.toml_document import read
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import validation_error
@@ -22,13 +35,21 @@ if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
 
 PLAIN_UNITS = {"length": "m", "angle": "rad", "error": "m"}
-"""The declarations that give plain numbers their unit, and the SI unit of each; "error" is of lengths in errors."""
+"""The declarations that give plain numbers their unit, and the SI unit of each; "error" is of
+lengths in errors.
+"""
 DEFAULT_UNITS = {"length": "mm", "angle": "deg", "error": "um"}
-"""What plain numbers are where a file declares nothing: as coordinate measuring machines print them."""
+"""What plain numbers are where a file declares nothing: as coordinate measuring machines print
+them.
+"""
 UNIT_LENGTH_TOLERANCE = 5e-3
-"""How far the cosines of direction angles may be from a unit vector: angles to 0.3°, or differences of such."""
+"""How far the cosines of direction angles may be from a unit vector: angles to 0.3°, or differences
+of such.
+"""
 SAME_ANGLE = np.deg2rad(0.01)
-"""How far θ and the direction angles of one command may be apart: half a unit of the second decimal of a degree."""
+"""How far θ and the direction angles of one command may be apart: half a unit of the second decimal
+of a degree.
+"""
 
 
 MeasurementSource = Measurements | str | PathLike[str]
@@ -38,10 +59,11 @@ MeasurementSource = Measurements | str | PathLike[str]
 def load_measurements(name_or_path: MeasurementSource) -> Measurements:
     """Load measurements of poses.
 
-    Each [[pose]] says what was commanded and what was measured, from the home pose, in one of two ways: commanded and
-    measured, both x, y, z, θx, θy, θz (measured: or x, y, z alone); or, as coordinate measuring machines see a plane,
-    desired = x, y, z and the direction angles α, β, γ of the platform's z axis, and error = desired − measured. Each
-    [[rotation]] is a check that nothing is fitted to: direction angles of a turn θ, at the position `at`.
+    Each [[pose]] says what was commanded and what was measured, from the home pose, in one of two
+    ways: commanded and measured, both x, y, z, θx, θy, θz (measured: or x, y, z alone); or, as
+    coordinate measuring machines see a plane, desired = x, y, z and the direction angles α, β, γ of
+    the platform's z axis, and error = desired − measured. Each [[rotation]] is a check that nothing
+    is fitted to: direction angles of a turn θ, at the position `at`.
 
     Parameters
     ----------
@@ -64,7 +86,11 @@ def load_measurements(name_or_path: MeasurementSource) -> Measurements:
         return name_or_path
     source = find("kinematics.calibration", "measurement file", name_or_path)
     document = read(source)
-    model = build(document, MeasurementFile, plain=read_declared_units({**DEFAULT_UNITS, **document.data}, PLAIN_UNITS))
+    model = build(
+        document,
+        MeasurementFile,
+        plain=read_declared_units({**DEFAULT_UNITS, **document.data}, PLAIN_UNITS),
+    )
     from scipy.spatial.transform import RigidTransform
 
     entries: list[tuple[str, DirectionPose | WholePose | TurnedAxis]] = [
@@ -77,7 +103,9 @@ def load_measurements(name_or_path: MeasurementSource) -> Measurements:
         measured=RigidTransform.concatenate([row.measured for row in rows]),
         seen=freeze_array([row.seen for row in rows], bool),
         spread=freeze_array([row.spread for row in rows]),
-        labels=tuple(name if entry.table is None else f"{name} ({entry.table})" for name, entry in entries),
+        labels=tuple(
+            name if entry.table is None else f"{name} ({entry.table})" for name, entry in entries
+        ),
         fit=freeze_array(np.arange(len(rows)) < len(model.pose), bool),
         noise=None if model.noise is None else Noise(model.noise.position, model.noise.rotation),
         name=document.file,
@@ -87,7 +115,9 @@ def load_measurements(name_or_path: MeasurementSource) -> Measurements:
             if isinstance(entry, TurnedAxis) and "at" not in entry.model_fields_set
         ),
         lines=tuple(
-            document.line((kind, k)) for kind in ("pose", "rotation") for k in range(len(getattr(model, kind)))
+            document.line((kind, k))
+            for kind in ("pose", "rotation")
+            for k in range(len(getattr(model, kind)))
         ),
         machine=model.machine or "",
     )
@@ -120,18 +150,23 @@ def _direction_of_six(desired: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _rotation_to_axis(axis: Array) -> "Rotation":
-    """Rx(θx) · Ry(θy), whose z axis is the given one: a direction says nothing of the turn about itself."""
+    """Rx(θx) · Ry(θy), whose z axis is the given one: a direction says nothing of the turn about
+    itself.
+    """
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_euler("XYZ", [np.arctan2(-axis[1], axis[2]), np.arcsin(axis[0]), 0.0])
 
 
-def _axis_row(at: tuple[float, ...], turn: "Rotation", error: tuple[float, ...], axis: Array, spread: Array) -> PoseRow:
+def _axis_row(
+    at: tuple[float, ...], turn: "Rotation", error: tuple[float, ...], axis: Array, spread: Array
+) -> PoseRow:
     """A row with an axis measured, and a position where `error` has one."""
     from scipy.spatial.transform import RigidTransform
 
     position = np.array(at) - (error[:3] if len(error) == 6 else 0.0)
-    # of the measured rotation only its z axis means anything; its x and y name the two components of the axis' error
+    # of the measured rotation only its z axis means anything; its x and y name the two components
+    # of the axis' error
     measured = RigidTransform.from_components(position, _rotation_to_axis(axis))
     seen = np.arange(8) >= AXIS.start
     seen[POSITION] = len(error) == 6
@@ -155,9 +190,13 @@ def _require_poses(poses: tuple[Any, ...]) -> tuple[Any, ...]:
 
 _POSE_REMEDY = "give at least one [[pose]] that was measured"
 
-Coordinate = Annotated[float, Unit("m", least=-MAX_HOME_DISTANCE, most=MAX_HOME_DISTANCE, plain="length")]
+Coordinate = Annotated[
+    float, Unit("m", least=-MAX_HOME_DISTANCE, most=MAX_HOME_DISTANCE, plain="length")
+]
 PlainAngle = Annotated[float, Unit("rad", plain="angle")]
-ErrorLength = Annotated[float, Unit("m", least=-MAX_HOME_DISTANCE, most=MAX_HOME_DISTANCE, plain="error")]
+ErrorLength = Annotated[
+    float, Unit("m", least=-MAX_HOME_DISTANCE, most=MAX_HOME_DISTANCE, plain="error")
+]
 SpreadLength = Annotated[float, Unit("m", least=0, plain="error")]
 SpreadAngle = Annotated[float, Unit("rad", least=0, plain="angle")]
 Place = tuple[Coordinate, Coordinate, Coordinate]
@@ -191,7 +230,11 @@ class DirectionPose(PublishedTable):
         return _unit_direction(tuple(np.subtract(self.desired[3:], self.error[3:])))
 
     def row(self) -> PoseRow:
-        spread = np.full(8, np.nan) if self.spread is None else _spread_components(self.spread[:3], self.spread[3:])
+        spread = (
+            np.full(8, np.nan)
+            if self.spread is None
+            else _spread_components(self.spread[:3], self.spread[3:])
+        )
         turn = _rotation_to_axis(_unit_direction(self.desired[3:]))
         return _axis_row(self.desired[:3], turn, self.error, self.axis(), spread)
 
@@ -226,7 +269,10 @@ class TurnedAxis(PublishedTable):
     def _same_command(self) -> Self:
         from scipy.spatial.transform import Rotation
 
-        axis, turned = _unit_direction(self.desired), Rotation.from_euler("XYZ", self.theta).as_matrix()[:, 2]
+        axis, turned = (
+            _unit_direction(self.desired),
+            Rotation.from_euler("XYZ", self.theta).as_matrix()[:, 2],
+        )
         if np.linalg.norm(np.cross(axis, turned)) > SAME_ANGLE:
             angles = np.rad2deg(np.arccos(turned))
             raise validation_error(
@@ -245,9 +291,13 @@ class TurnedAxis(PublishedTable):
 
 
 class InitialPose(PublishedTable):
-    """What was measured at home: error = measured − desired; the errors of the poses have it taken out already."""
+    """What was measured at home: error = measured − desired; the errors of the poses have it taken
+    out already.
+    """
 
-    desired: PlaceAndAxis = key("desired home: x, y, z and direction angles α, β, γ of the platform's z axis")
+    desired: PlaceAndAxis = key(
+        "desired home: x, y, z and direction angles α, β, γ of the platform's z axis"
+    )
     error: Error = key("measured − desired")
     spread: Spread | None = key("largest deviation of repetitions from their mean", default=None)
 
@@ -270,18 +320,26 @@ class MeasurementFile(File):
     """A measurement file's TOML, key by key."""
 
     what: ClassVar[str] = "measurement file"
-    version: Literal[1] = key("version of the file format; 1 if not stated", default=1, alias="schema")
+    version: Literal[1] = key(
+        "version of the file format; 1 if not stated", default=1, alias="schema"
+    )
     length: Annotated[str, unit_validator("m")] | None = key(
         "unit of plain numbers that are lengths; mm if not stated", default=None
     )
-    angle: Annotated[str, unit_validator("rad")] | None = key("unit of plain angles; deg if not stated", default=None)
+    angle: Annotated[str, unit_validator("rad")] | None = key(
+        "unit of plain angles; deg if not stated", default=None
+    )
     error: Annotated[str, unit_validator("m")] | None = key(
         "unit of plain lengths in errors; um if not stated", default=None
     )
     machine: str | None = key("name of the measured machine; any other is refused", default=None)
-    noise: NoiseTable | None = key("standard deviations of the measurement; estimated if not stated", default=None)
+    noise: NoiseTable | None = key(
+        "standard deviations of the measurement; estimated if not stated", default=None
+    )
     initial: InitialPose | None = key("measurement at home", default=None)
     pose: Annotated[tuple[PoseTable, ...], AfterValidator(_require_poses)] = key(
         "poses to which parameters are fitted", remedy=_POSE_REMEDY
     )
-    rotation: tuple[TurnedAxis, ...] = key("rotations for checks; nothing is fitted to them", default=())
+    rotation: tuple[TurnedAxis, ...] = key(
+        "rotations for checks; nothing is fitted to them", default=()
+    )

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz", "axis u", "axis v")
-"""Errors of a pose: position and turn in the measuring frame; where only the platform's z axis is known, its turn about
-the measured pose's own x and y."""
+"""Errors of a pose: position and turn in the measuring frame; where only the platform's z axis is
+known, its turn about the measured pose's own x and y.
+"""
 POSITION, ROTATION, AXIS = slice(0, 3), slice(3, 6), slice(6, 8)
 MAX_HOME_DISTANCE = 1e3
 """m from home beyond which nothing is a measured pose of a machine, but a slip of units."""
@@ -40,7 +41,11 @@ class Noise:
 
     def __post_init__(self) -> None:
         for what, value in (("position", self.position), ("rotation", self.rotation)):
-            if not LEAST_NOISE <= finite_array(value, f"measurements: noise of the {what}", ()) <= MAX_HOME_DISTANCE:
+            if (
+                not LEAST_NOISE
+                <= finite_array(value, f"measurements: noise of the {what}", ())
+                <= MAX_HOME_DISTANCE
+            ):
                 raise MotionError(
                     f"measurements: noise of the {what} {value} must lie between {LEAST_NOISE:g} and "
                     f"{MAX_HOME_DISTANCE:g} (m or rad)"
@@ -49,7 +54,8 @@ class Noise:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurements(Result):
-    """N commanded and measured poses, relative to the machine's home pose (frame "home" of programs).
+    """N commanded and measured poses, relative to the machine's home pose (frame "home" of
+    programs).
 
     seen    (N, 8) bool, by COMPONENTS: what was measured; of the rest `measured` holds anything
     fit     (N,) bool: what parameters are fitted to; the other poses are checks
@@ -80,20 +86,29 @@ class Measurements(Result):
         shapes = {"seen": (self.seen, (len(self), 8)), "fit": (self.fit, (len(self),))}
         for what, (array, shape) in {**shapes, "spread": (self.spread, (len(self), 8))}.items():
             if np.shape(array) != shape:
-                raise MotionError(f"{self.name}: {what} must have shape {shape}, not {np.shape(array)}")
+                raise MotionError(
+                    f"{self.name}: {what} must have shape {shape}, not {np.shape(array)}"
+                )
 
     def _check(self, pose: Pose, what: str) -> None:
         from scipy.spatial.transform import RigidTransform
 
         if not isinstance(pose, RigidTransform):
-            raise MotionError(f"{self.name}: {what} must be poses (RigidTransform), not {type(pose).__name__}")
+            raise MotionError(
+                f"{self.name}: {what} must be poses (RigidTransform), not {type(pose).__name__}"
+            )
         if pose.single:
-            raise MotionError(f"{self.name}: {what} is a single pose; give a batch, of one pose or more")
+            raise MotionError(
+                f"{self.name}: {what} is a single pose; give a batch, of one pose or more"
+            )
         if len(pose) != len(self.labels):
             raise MotionError(
                 f"{self.name}: {len(pose)} {what} poses for {count_noun(len(self.labels), 'label')}; give one each"
             )
-        bad = ~(np.isfinite(to_numbers(pose)).all(1) & (np.abs(pose.translation) <= MAX_HOME_DISTANCE).all(1))
+        bad = ~(
+            np.isfinite(to_numbers(pose)).all(1)
+            & (np.abs(pose.translation) <= MAX_HOME_DISTANCE).all(1)
+        )
         if bad.any():
             label = self.labels[int(np.argmax(bad))]
             raise MotionError(
@@ -107,17 +122,29 @@ class Measurements(Result):
         """Each pose as it was commanded and measured, as far as it was; what is fitted to."""
         columns = [Column("pose", self.labels)]
         for what, pose in (("commanded", self.commanded), ("measured", self.measured)):
-            values = np.column_stack([pose.translation, pose.rotation.as_euler("XYZ", suppress_warnings=True)])
+            values = np.column_stack(
+                [pose.translation, pose.rotation.as_euler("XYZ", suppress_warnings=True)]
+            )
             known = self.seen[:, :6] if what == "measured" else np.ones_like(self.seen[:, :6])
             for k, name in enumerate(COMPONENTS[:6]):
                 shown = [
                     value if there else None
-                    for value, there in zip(values[:, k].tolist(), known[:, k].tolist(), strict=True)
+                    for value, there in zip(
+                        values[:, k].tolist(), known[:, k].tolist(), strict=True
+                    )
                 ]
                 if any(value is not None for value in shown):
-                    columns.append(Column(f"{what} {name}", shown, "m" if k < 3 else "rad", "human", ".4f"))
+                    columns.append(
+                        Column(f"{what} {name}", shown, "m" if k < 3 else "rad", "human", ".4f")
+                    )
         columns.append(Column("fitted", self.fit))
-        return (Table(f"{self.name}: {count_noun(len(self), 'pose')} from home", tuple(columns), self.notes),)
+        return (
+            Table(
+                f"{self.name}: {count_noun(len(self), 'pose')} from home",
+                tuple(columns),
+                self.notes,
+            ),
+        )
 
 
 def whole_poses(
@@ -187,12 +214,21 @@ def measured_positions(
 
     places = finite_array(measured, f"{name}: measured", unit="m")
     if places.ndim != 2 or places.shape[1] != 3:
-        raise MotionError(f"{name}: measured must be positions (N, 3) in m, not of shape {places.shape}")
-    return _build_measurements(commanded, RigidTransform.from_translation(places), POSITION.stop, noise, labels, name)
+        raise MotionError(
+            f"{name}: measured must be positions (N, 3) in m, not of shape {places.shape}"
+        )
+    return _build_measurements(
+        commanded, RigidTransform.from_translation(places), POSITION.stop, noise, labels, name
+    )
 
 
 def _build_measurements(
-    commanded: Pose, measured: Pose, seen: int, noise: Noise | None, labels: Sequence[str] | None, name: str
+    commanded: Pose,
+    measured: Pose,
+    seen: int,
+    noise: Noise | None,
+    labels: Sequence[str] | None,
+    name: str,
 ) -> Measurements:
     from scipy.spatial.transform import RigidTransform
 

@@ -18,21 +18,27 @@ FIRST_STEP_SHARE = 0.01
 """Share of the machine's size by which the first step may change the parameters together."""
 MAX_EVALUATIONS = 5000
 MAX_RELATIVE_OFFSET = 1e-3
-"""Relative offset [Bates and Watts 1981] up to which a search counts as converged: along no parameter would the errors
-fall by more than this share of what is left of them, degree of freedom by degree of freedom."""
+"""Relative offset [Bates and Watts 1981] up to which a search counts as converged: along no
+parameter would the errors fall by more than this share of what is left of them, degree of freedom
+by degree of freedom.
+"""
 NEGLIGIBLE_ERROR = 1e-10
 """m or rad per component: smaller errors are none, so that they need not fall any further."""
 MIN_EFFECT_SHARE = 1e-9
 """Share of the strongest effect below which a change of parameters has none: rounding."""
 
 
-def minimize_errors(prediction: Prediction, start: Array, weights: Array, chosen: np.ndarray, basis: Array) -> Array:
-    """The full vector (k,) of least Σ (weight · error)² in start + the span of basis (k, r), from start.
+def minimize_errors(
+    prediction: Prediction, start: Array, weights: Array, chosen: np.ndarray, basis: Array
+) -> Array:
+    """The full vector (k,) of least Σ (weight · error)² in start + the span of basis (k, r), from
+    start.
 
-    Errors are linear in the parameters as long as those change the machine little. So the trust region is a ball in
-    changes over the size of the machine (`_sizes`), whatever the data show of them: a combination that is hardly seen
-    asks for a long way, which the region lets it go in steps that the machine's own nonlinearity allows.
-    Raises MotionError where the search does not converge, and where it ends in what contradicts the machine.
+    Errors are linear in the parameters as long as those change the machine little. So the trust
+    region is a ball in changes over the size of the machine (`_sizes`), whatever the data show of
+    them: a combination that is hardly seen asks for a long way, which the region lets it go in
+    steps that the machine's own nonlinearity allows. Raises MotionError where the search does not
+    converge, and where it ends in what contradicts the machine.
     """
     from scipy.optimize import least_squares
 
@@ -48,8 +54,12 @@ def minimize_errors(prediction: Prediction, start: Array, weights: Array, chosen
         key = z.tobytes()
         if key not in latest:
             error, jacobian = prediction.at(start + steps @ z)
-            latest.clear()  # the optimiser asks for the derivatives where it has just asked for the errors
-            latest[key] = (error * weights)[chosen] / whole, (jacobian * weights[:, None])[chosen] @ steps / whole
+            # the optimiser asks for the derivatives where it has just asked for the errors
+            latest.clear()
+            latest[key] = (
+                (error * weights)[chosen] / whole,
+                (jacobian * weights[:, None])[chosen] @ steps / whole,
+            )
         return latest[key]
 
     def errors(z: Array) -> Array:
@@ -69,7 +79,11 @@ def minimize_errors(prediction: Prediction, start: Array, weights: Array, chosen
         max_nfev=MAX_EVALUATIONS,
     )
     theta = np.asarray(start + steps @ found.x)
-    least = NEGLIGIBLE_ERROR * float(np.linalg.norm(np.broadcast_to(weights, chosen.shape)[chosen])) / whole
+    least = (
+        NEGLIGIBLE_ERROR
+        * float(np.linalg.norm(np.broadcast_to(weights, chosen.shape)[chosen]))
+        / whole
+    )
     _refuse_outliers(prediction, theta, chosen)
     if not _has_converged(errors(found.x), derivatives(found.x), least):
         _refuse_unfinished(prediction, start, theta, chosen, used_up=found.status <= 0)
@@ -78,8 +92,10 @@ def minimize_errors(prediction: Prediction, start: Array, weights: Array, chosen
 
 
 def _sizes(prediction: Prediction) -> Array:
-    """(k,) the change of each entry of the full vector that is as large as the machine: its characteristic length for
-    lengths, one for angles, and for factors what moves a sent coordinate by that."""
+    """(k,) the change of each entry of the full vector that is as large as the machine: its
+    characteristic length for lengths, one for angles, and for factors what moves a sent coordinate
+    by that.
+    """
     machine, vector = prediction.machine, prediction.vector
     length = machine.characteristic_length
     axes = np.array([length if axis.kind == "linear" else 1.0 for axis in machine.axes])
@@ -92,14 +108,18 @@ def _sizes(prediction: Prediction) -> Array:
 
 
 def _has_converged(errors: Array, jacobian: Array, least: float) -> bool:
-    """Whether what the tangent plane still promises is small beside what it cannot remove, or is nothing anyway."""
+    """Whether what the tangent plane still promises is small beside what it cannot remove, or is
+    nothing anyway.
+    """
     change, _, rank, _ = np.linalg.lstsq(jacobian, errors, rcond=MIN_EFFECT_SHARE)
     promised, spare = jacobian @ change, len(errors) - int(rank)
     rest = float(np.linalg.norm(errors - promised)) * np.sqrt(rank / spare) if spare else 0.0
     return bool(np.linalg.norm(promised) <= max(MAX_RELATIVE_OFFSET * rest, least))
 
 
-def _refuse_unfinished(prediction: Prediction, start: Array, theta: Array, chosen: np.ndarray, used_up: bool) -> None:
+def _refuse_unfinished(
+    prediction: Prediction, start: Array, theta: Array, chosen: np.ndarray, used_up: bool
+) -> None:
     name = prediction.measurements.name
     before, after = (1e6 * _rms(prediction.at(vector)[0], chosen) for vector in (start, theta))
     progress = f"RMS position error {before:.6g} um at the start, {after:.6g} um at the end"
@@ -121,7 +141,9 @@ def _rms(errors: Array, chosen: np.ndarray) -> float:
 
 
 def _refuse_outliers(prediction: Prediction, theta: Array, chosen: np.ndarray) -> None:
-    """Raise MotionError where an error remains that is larger than the machine: that pose is none of it."""
+    """Raise MotionError where an error remains that is larger than the machine: that pose is none
+    of it.
+    """
     machine, data = prediction.machine, prediction.measurements
     length = machine.characteristic_length
     left = np.abs(np.where(chosen, prediction.at(theta)[0], 0.0))[:, POSITION].max(1)
@@ -134,15 +156,15 @@ def _refuse_outliers(prediction: Prediction, theta: Array, chosen: np.ndarray) -
 
 
 def _refuse_displaced(prediction: Prediction, theta: Array) -> None:
-    """Raise MotionError where joints move by more than the machine's size: no such machine was built from the file."""
+    """Raise MotionError where joints move by more than the machine's size: no such machine was
+    built from the file.
+    """
     vector, machine = prediction.vector, prediction.machine
     length = machine.characteristic_length
     moved = np.linalg.norm((theta - vector.nominal)[vector.joints()].reshape(-1, 3), axis=1)
     if moved.size and moved.max() > length:
         end, axis = divmod(int(moved.argmax()), len(vector.axes))
-        what = (
-            f"{('base', 'platform')[end]} joint of {vector.axes[axis]} {describe(moved.max(), everyday_unit('m'))} away"
-        )
+        what = f"{('base', 'platform')[end]} joint of {vector.axes[axis]} {describe(moved.max(), everyday_unit('m'))} away"
         raise MotionError(
             f"{prediction.measurements.name}: the measurements contradict the machine {machine.name}, or hardly show "
             f"the parameters: they ask for the {what} from where its file has it, farther than the machine is large "
@@ -153,14 +175,18 @@ def _refuse_displaced(prediction: Prediction, theta: Array) -> None:
 
 
 FLATNESS_SHARE = 1e-3
-"""Second extent of a set of positions over its first, from which on they lie on a line and show no turn about it."""
+"""Second extent of a set of positions over its first, from which on they lie on a line and show no
+turn about it.
+"""
 
 
 def frame_start(measured: Measurements, used: np.ndarray, parts: Sequence[str]) -> Array:
-    """The frame x, y, z, rx, ry, rz that carries commanded poses nearest to the measured ones; zero where none is free.
+    """The frame x, y, z, rx, ry, rz that carries commanded poses nearest to the measured ones; zero
+    where none is free.
 
-    Its turn is the mean of those between commanded and measured rotations, or where these were not measured the one
-    between the positions about their centres [Kabsch 1976]; none where the positions lie on a line.
+    Its turn is the mean of those between commanded and measured rotations, or where these were not
+    measured the one between the positions about their centres [Kabsch 1976]; none where the
+    positions lie on a line.
     """
     rows = np.flatnonzero(used[:, POSITION].all(1))
     if not {"frame", "frame-yaw"} & set(parts) or not len(rows):

@@ -62,10 +62,16 @@ class Unseen:
     def describe(self, names: Sequence[str]) -> str:
         """Return a warning that names the combinations and the proposed poses."""
         hidden = len(self.changes)
-        listed = "; ".join(describe_combination(change, names) for change in self.changes[:MAX_NAMED])
+        listed = "; ".join(
+            describe_combination(change, names) for change in self.changes[:MAX_NAMED]
+        )
         more = f"; and {hidden - MAX_NAMED} more" if hidden > MAX_NAMED else ""
         poses = "; ".join(_describe_pose(pose) for pose in self.proposed.tolist())
-        remedy = f"measure at further poses, from home: {poses}" if poses else "measure at poses farther apart"
+        remedy = (
+            f"measure at further poses, from home: {poses}"
+            if poses
+            else "measure at poses farther apart"
+        )
         return (
             f"the fitted poses do not show {count_noun(hidden, 'combination')} of the {len(names)} parameters, which "
             f"{'keeps its nominal value' if hidden == 1 else 'keep their nominal values'}; at other poses the machine "
@@ -84,7 +90,8 @@ def _describe_pose(pose: Sequence[float]) -> str:
 def find_unseen(
     prediction: Prediction, theta: Array, observed: Observability, rows: tuple[Array, Array, Array]
 ) -> Unseen | None:
-    """Find the combinations that the fitted poses do not show; None if they show all with an effect.
+    """Find the combinations that the fitted poses do not show; None if they show all with an
+    effect.
 
     rows: weights (8,) of the components, their use (8,), and the selection of the parameters (k, m)
     """
@@ -103,7 +110,9 @@ def find_unseen(
     scale = np.divide(1.0, length, out=np.ones_like(length), where=length > 0)
     known, shown = known * scale, shown * scale
     left = _null_space(known)
-    _, sizes, combinations = np.linalg.svd(shown.reshape(-1, len(scale)) @ left, full_matrices=False)
+    _, sizes, combinations = np.linalg.svd(
+        shown.reshape(-1, len(scale)) @ left, full_matrices=False
+    )
     visible = sizes > MIN_SHARE * max(float(sizes[0]), 1.0)
     if not visible.any():
         return None
@@ -133,7 +142,9 @@ def _find_candidates(machine: Machine, measured: Measurements) -> Array:
     tried = [_move(centre, k, reach[side, k]) for k in free for side in (0, 1)]
     tried += [centre + np.where(share < 0, -share * reach[0], share * reach[1]) for share in shares]
     # a pose that goes too far in several components at once is tried nearer to the centre
-    tried += [centre + (pose - centre) / part for pose in tried[-RANDOM_CANDIDATES:] for part in (2, 4)]
+    tried += [
+        centre + (pose - centre) / part for pose in tried[-RANDOM_CANDIDATES:] for part in (2, 4)
+    ]
     steps = np.array([LENGTH_STEP] * 3 + [ANGLE_STEP] * 3)
     rounded = np.unique(np.rint(np.array(tried) / steps) + 0.0, axis=0) * steps
     return np.array([pose for pose in rounded if _is_permitted(machine, pose)]).reshape(-1, 6)
@@ -156,7 +167,9 @@ def _is_permitted(machine: Machine, values: Array) -> bool:
         return False
 
 
-def _find_rows(prediction: Prediction, theta: Array, poses: Array, rows: tuple[Array, Array, Array]) -> Array:
+def _find_rows(
+    prediction: Prediction, theta: Array, poses: Array, rows: tuple[Array, Array, Array]
+) -> Array:
     """Return rows (N, c, m) of the identification Jacobian at poses (N, 6); 0 if not closed."""
     weights, used, select = rows
     machine, vector = prediction.machine, prediction.vector
@@ -177,15 +190,22 @@ def _select_pose(whole: Prediction, k: int) -> Prediction:
 def _choose_poses(known: Array, shown: Array) -> list[int]:
     """Choose poses by their rows (N, c, m), next to known rows (r, m); MAX_PROPOSED at most."""
     # without combinations that no pose shows, which would leave the determinant zero
-    sizes, combinations = np.linalg.svd(np.concatenate([known, shown.reshape(-1, known.shape[1])]))[1:]
+    sizes, combinations = np.linalg.svd(np.concatenate([known, shown.reshape(-1, known.shape[1])]))[
+        1:
+    ]
     basis = combinations[sizes > MIN_SHARE * sizes[0]].T
     rows = shown @ basis
     information = (known @ basis).T @ (known @ basis)
     least = LEAST_INFORMATION * np.eye(len(information))
     chosen: list[int] = []
-    while len(chosen) < MAX_PROPOSED and _evenness(basis @ information @ basis.T, basis.shape[1]) < MIN_EVENNESS:
+    while (
+        len(chosen) < MAX_PROPOSED
+        and _evenness(basis @ information @ basis.T, basis.shape[1]) < MIN_EVENNESS
+    ):
         # det(A + RᵀR) = det A · det(1 + R A⁻¹ Rᵀ)
-        gains = np.eye(rows.shape[1]) + rows @ np.linalg.inv(information + least) @ rows.transpose(0, 2, 1)
+        gains = np.eye(rows.shape[1]) + rows @ np.linalg.inv(information + least) @ rows.transpose(
+            0, 2, 1
+        )
         best = int(np.linalg.slogdet(gains)[1].argmax())
         information = information + rows[best].T @ rows[best]
         chosen.append(best)

@@ -1,6 +1,8 @@
-"""The accuracy budget: what every source of error does to the pose, as covariance and as worst case.
+"""The accuracy budget: what every source of error does to the pose, as covariance and as worst
+case.
 
-A source of error is one small class (the plug point); those of a machine's axes and of its temperature stand here.
+A source of error is one small class (the plug point); those of a machine's axes and of its
+temperature stand here.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
 
 UNIFORM, EITHER_END, SINE = 1 / 3, 1.0, 1 / 2
-"""Variance of a variable within ±1: of constant density, at one of the two ends, a sine of unknown phase."""
+"""Variance of a variable within ±1: of constant density, at one of the two ends, a sine of unknown
+phase.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +40,8 @@ class Effect:
 
     variance  (k,) of the variables
     axes      (N, n, k) change of the axes' true coordinates for each variable at 1, m or rad
-    pose      (N, 6, k) the same for what moves the platform without an axis: [shift m, turn rad] in the base frame
+    pose      (N, 6, k) the same for what moves the platform without an axis: [shift m, turn rad] in
+              the base frame
     bias      (N, 6) what is there always, as `pose`
     None is nothing.
     """
@@ -56,21 +61,31 @@ class ErrorSource(Protocol):
     def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect: ...
 
 
-def require_nonnegative(source: Any, skip: tuple[str, ...] = (), per_axis: tuple[str, ...] = ()) -> None:
-    """Every number of a source is finite and no less than zero; those in `per_axis` may be one for each axis."""
+def require_nonnegative(
+    source: Any, skip: tuple[str, ...] = (), per_axis: tuple[str, ...] = ()
+) -> None:
+    """Every number of a source is finite and no less than zero; those in `per_axis` may be one for
+    each axis.
+    """
     if not isinstance(source.name, str) or not source.name:
-        raise MotionError(f"{type(source).__name__}: name is {source.name!r:.60}; expected a text that is not empty")
+        raise MotionError(
+            f"{type(source).__name__}: name is {source.name!r:.60}; expected a text that is not empty"
+        )
     for field in fields(source):
         value = getattr(source, field.name)
         if isinstance(field.default, bool) and not isinstance(value, bool):
-            raise MotionError(f"{source.name}: {field.name} is {value!r:.60}; expected True or False")
+            raise MotionError(
+                f"{source.name}: {field.name} is {value!r:.60}; expected True or False"
+            )
         if field.name in ("name", *skip) or isinstance(field.default, bool):
             continue
         if value is None and field.default is None:
             continue
         numbers = finite_array(value, f"{source.name}: {field.name}", unit="SI units")
         if not numbers.size:
-            raise MotionError(f"{source.name}: {field.name} is empty; give one number, or one for each axis (SI units)")
+            raise MotionError(
+                f"{source.name}: {field.name} is empty; give one number, or one for each axis (SI units)"
+            )
         if (numbers < 0).any() or numbers.ndim > 1 or (numbers.ndim and field.name not in per_axis):
             kind = "not negative" if (numbers < 0).any() else "a single number"
             raise MotionError(f"{source.name}: {field.name} {value} must be {kind} (SI units)")
@@ -80,7 +95,9 @@ def require_nonnegative(source: Any, skip: tuple[str, ...] = (), per_axis: tuple
 
 @dataclass(frozen=True, slots=True)
 class Contribution:
-    """What one source does to N poses: bias (N, 6), covariance (N, 6, 6) about it, spread (N, 6) to each side of it."""
+    """What one source does to N poses: bias (N, 6), covariance (N, 6, 6) about it, spread (N, 6) to
+    each side of it.
+    """
 
     name: str
     bias: Array
@@ -94,13 +111,16 @@ class Contribution:
 
     @property
     def worst(self) -> Array:
-        """(N, 6) largest size that each component of the error can have; each is attained, not all at once."""
+        """(N, 6) largest size that each component of the error can have; each is attained, not all
+        at once.
+        """
         return np.abs(self.bias) + self.spread
 
 
 @dataclass(frozen=True)
 class Budget(Result):
-    """Errors of N poses, [dx, dy, dz, rx, ry, rz] in the base frame (m, rad), per source and in total.
+    """Errors of N poses, [dx, dy, dz, rx, ry, rz] in the base frame (m, rad), per source and in
+    total.
 
     Sources are independent of each other.
     """
@@ -110,7 +130,9 @@ class Budget(Result):
 
     @cached_property
     def total(self) -> Contribution:
-        """bias = Σ biasₛ, covariance = Σ Σₛ, spread = Σ spreadₛ: together the worst case is |bias| + spread."""
+        """bias = Σ biasₛ, covariance = Σ Σₛ, spread = Σ spreadₛ: together the worst case is |bias|
+        + spread.
+        """
         return Contribution(
             "total",
             freeze_array(sum(part.bias for part in self.contributions)),
@@ -122,7 +144,9 @@ class Budget(Result):
         return len(self.total.bias)
 
     def tables(self) -> tuple[Table, ...]:
-        """Per source and component, standard deviation and worst case, the largest over the poses, rounded upwards."""
+        """Per source and component, standard deviation and worst case, the largest over the poses,
+        rounded upwards.
+        """
         most = partial(np.max, axis=0)
         rows = [
             (part.name, what, *values)
@@ -153,12 +177,15 @@ def error_budget(
     near: ArrayLike | None = None,
     tool: ArrayLike | None = None,
 ) -> Budget:
-    """Find the error budget of a machine at N poses, such as along a path, to first order in the errors.
+    """Find the error budget of a machine at N poses, such as along a path, to first order in the
+    errors.
 
-    Every source gives the error A z of the axes and B z + bias of the platform, for independent variables |z| ≤ 1 of
-    variance v. With J of what the machine controls (what it holds gets no error from the axes, what follows follows):
+    Every source gives the error A z of the axes and B z + bias of the platform, for independent
+    variables |z| ≤ 1 of variance v. With J of what the machine controls (what it holds gets no
+    error from the axes, what follows follows):
 
-        δ = G z + bias,  G = J⁻¹ A + B,  Σ = G diag(v) Gᵀ,  spreadᵢ = Σⱼ |Gᵢⱼ|, attained at a vertex of |z| ≤ 1.
+        δ = G z + bias,  G = J⁻¹ A + B,  Σ = G diag(v) Gᵀ,  spreadᵢ = Σⱼ |Gᵢⱼ|, attained at a vertex
+                         of |z| ≤ 1.
 
     For the quantization by the pulse p that is Σ = J⁻¹ (p²/12) J⁻ᵀ and spreadᵢ = Σⱼ |J⁻¹ᵢⱼ| p/2.
 
@@ -173,7 +200,8 @@ def error_budget(
     near
         (n,) branch and turn of the poses, as in `machine.inverse`.
     tool
-        (3,) m: the point in the platform's frame whose error is asked for; its origin by default. It is not part of
+        (3,) m: the point in the platform's frame whose error is asked for; its origin by default.
+        It is not part of
         what `Temperature` lets grow.
 
     Returns
@@ -189,12 +217,16 @@ def error_budget(
         A pose is singular; and what the sources raise.
     """
     machine = load_machine(machine)
-    if not isinstance(sources, Sequence) or not all(hasattr(source, "effect") for source in sources):
+    if not isinstance(sources, Sequence) or not all(
+        hasattr(source, "effect") for source in sources
+    ):
         raise MotionError(
             f"error budget of {machine.name}: sources must be a list such as [Quantization()], not {sources!r}"
         )
     if not sources:
-        raise MotionError(f"error budget of {machine.name}: no sources; give at least one, e.g. Quantization()")
+        raise MotionError(
+            f"error budget of {machine.name}: no sources; give at least one, e.g. Quantization()"
+        )
     x = to_numbers(machine.read_pose(pose))
     if not len(x):
         raise MotionError(f"error budget of {machine.name}: no poses")
@@ -203,7 +235,10 @@ def error_budget(
         x = machine.carried_map(machine.inputs(x, q))
     poses, inverse = from_numbers(x), sensitivity(machine, x, q)
     carry = _twist_transfer(machine, tool, poses)
-    return Budget(machine.name, tuple(_contribution(source, machine, poses, q, inverse, carry) for source in sources))
+    return Budget(
+        machine.name,
+        tuple(_contribution(source, machine, poses, q, inverse, carry) for source in sources),
+    )
 
 
 def _contribution(
@@ -216,16 +251,25 @@ def _contribution(
     if effect.pose is not None:
         influence += effect.pose
     influence = carry @ influence
-    bias = np.zeros((len(q), 6)) if effect.bias is None else (carry @ effect.bias[:, :, None])[:, :, 0]
+    bias = (
+        np.zeros((len(q), 6)) if effect.bias is None else (carry @ effect.bias[:, :, None])[:, :, 0]
+    )
     covariance = influence * effect.variance @ influence.swapaxes(1, 2)
     return Contribution(
-        source.name, freeze_array(bias), freeze_array(covariance), freeze_array(np.abs(influence).sum(-1))
+        source.name,
+        freeze_array(bias),
+        freeze_array(covariance),
+        freeze_array(np.abs(influence).sum(-1)),
     )
 
 
 def _twist_transfer(machine: Machine, tool: ArrayLike | None, pose: Pose) -> Array:
     """(N, 6, 6) from the twist at the platform's origin to that at the tool: v + ω × R t."""
-    point = np.zeros(3) if tool is None else finite_array(tool, f"error budget of {machine.name}: tool", (3,), unit="m")
+    point = (
+        np.zeros(3)
+        if tool is None
+        else finite_array(tool, f"error budget of {machine.name}: tool", (3,), unit="m")
+    )
     arm = pose.rotation.apply(point)
     carry = np.broadcast_to(np.eye(6), (len(arm), 6, 6)).copy()
     # ω × r = −[r]× ω
@@ -237,15 +281,18 @@ def _twist_transfer(machine: Machine, tool: ArrayLike | None, pose: Pose) -> Arr
 
 
 PerAxis = float | Sequence[float]
-"""One number for all axes of a machine (which must then be all linear or all rotary, if it has a unit), or one each."""
+"""One number for all axes of a machine (which must then be all linear or all rotary, if it has a
+unit), or one each.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Quantization:
-    """Rounding of axes to whole pulses: |count·pulse − (q − home)| ≤ `pulses`·pulse, uniformly distributed.
+    """Rounding of axes to whole pulses: |count·pulse − (q − home)| ≤ `pulses`·pulse, uniformly
+    distributed.
 
-    By the rule `nearest`, pulses = ½: of a coordinate that is anywhere between two half-pulse levels with the same
-    density, the variance is ∫ e² de / pulse over ±pulse/2, that is pulse²/12.
+    By the rule `nearest`, pulses = ½: of a coordinate that is anywhere between two half-pulse
+    levels with the same density, the variance is ∫ e² de / pulse over ±pulse/2, that is pulse²/12.
     """
 
     pulses: PerAxis = 0.5
@@ -263,7 +310,8 @@ class Quantization:
 
 @dataclass(frozen=True, slots=True)
 class PulseLength:
-    """Relative error of the pulse length within ±error (2e-6: 2 ppm), common to all axes or of each axis.
+    """Relative error of the pulse length within ±error (2e-6: 2 ppm), common to all axes or of each
+    axis.
 
     dq = error (q − home), since pulses count from home.
     """
@@ -277,7 +325,11 @@ class PulseLength:
 
     def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect:
         change = _per_axis(self.error, machine, self.name) * (q - machine.home_q)
-        return Effect(np.full(1, UNIFORM), change[:, :, None]) if self.common else _independent_effect(change, UNIFORM)
+        return (
+            Effect(np.full(1, UNIFORM), change[:, :, None])
+            if self.common
+            else _independent_effect(change, UNIFORM)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +347,9 @@ class Backlash:
 
     def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect:
         stated = [axis.backlash for axis in machine.axes] if self.width is None else self.width
-        return _independent_effect(np.broadcast_to(_per_quantity(stated, machine, self.name) / 2, q.shape), EITHER_END)
+        return _independent_effect(
+            np.broadcast_to(_per_quantity(stated, machine, self.name) / 2, q.shape), EITHER_END
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,8 +368,12 @@ class LeadError:
         require_nonnegative(self, per_axis=("rate", "periodic"))
 
     def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect:
-        steady = _independent_effect(_per_axis(self.rate, machine, self.name) * (q - machine.home_q), UNIFORM)
-        turning = _independent_effect(np.broadcast_to(_per_quantity(self.periodic, machine, self.name), q.shape), SINE)
+        steady = _independent_effect(
+            _per_axis(self.rate, machine, self.name) * (q - machine.home_q), UNIFORM
+        )
+        turning = _independent_effect(
+            np.broadcast_to(_per_quantity(self.periodic, machine, self.name), q.shape), SINE
+        )
         return _join_effects(steady, turning)
 
 
@@ -323,9 +381,10 @@ class LeadError:
 class Temperature:
     """Temperature within ±ambient K of calibration everywhere; linear axes within ±heating K more.
 
-    expansion of axes and frame per K. An axis grows with its whole natural coordinate q (the distance between joint
-    centres). The inverse map is homogeneous: a frame that is larger by s shifts the platform by s p, and shortens every
-    axis by s relative to it. δ = s_frame (p, 0) + J⁻¹ q (s_axes − s_frame), q of linear axes.
+    expansion of axes and frame per K. An axis grows with its whole natural coordinate q (the
+    distance between joint centres). The inverse map is homogeneous: a frame that is larger by s
+    shifts the platform by s p, and shortens every axis by s relative to it. δ = s_frame (p, 0) +
+    J⁻¹ q (s_axes − s_frame), q of linear axes.
     """
 
     ambient: float = 0.0
@@ -377,5 +436,7 @@ def _per_axis(value: ArrayLike, machine: Machine, name: str) -> Array:
 def _per_quantity(value: ArrayLike, machine: Machine, name: str) -> Array:
     """The same of numbers with a unit, which linear and rotary axes do not share."""
     if np.ndim(value) == 0 and value and len({axis.kind for axis in machine.axes}) > 1:
-        raise MotionError(f"{name}: {machine.name} has linear and rotary axes: give one number (m or rad) for each")
+        raise MotionError(
+            f"{name}: {machine.name} has linear and rotary axes: give one number (m or rad) for each"
+        )
     return _per_axis(value, machine, name)

@@ -15,7 +15,13 @@ from kinematics.files.toml_document import MAX_BYTES, bytes_of, refuse_utf16, ut
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import count_noun, nearest
 from kinematics.foundation.options import check_arguments, check_fields
-from kinematics.foundation.units import describe, describe_value, everyday_unit, quantity, unit_value
+from kinematics.foundation.units import (
+    describe,
+    describe_value,
+    everyday_unit,
+    quantity,
+    unit_value,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,16 +82,18 @@ def _check_part(part: Actuator | Joint) -> None:
     for name, unit in _PROPERTIES.items():
         value = getattr(part, name, None)
         if value is not None and not 0 < value < inf:
-            raise MotionError(f"{type(part).__name__.lower()} {part.name}: {name} {value} {unit} must be above 0")
+            raise MotionError(
+                f"{type(part).__name__.lower()} {part.name}: {name} {value} {unit} must be above 0"
+            )
 
 
 @check_arguments()
 def load_actuators(path: str | PathLike[str] | None = None) -> tuple[Actuator, ...]:
     """Load actuators from a CSV file, or the bundled catalogue [Sahbaz 2007, Table 3.1].
 
-    Columns: company, model, stroke, force, precision, speed, size, mass, type, cost, in any order; a unit follows the
-    name (stroke_mm, speed_mm_s, stroke_in) or the number ("2 in"). An empty cell or "-" is not stated. Lines that begin
-    with # are comments.
+    Columns: company, model, stroke, force, precision, speed, size, mass, type, cost, in any order;
+    a unit follows the name (stroke_mm, speed_mm_s, stroke_in) or the number ("2 in"). An empty cell
+    or "-" is not stated. Lines that begin with # are comments.
 
     Parameters
     ----------
@@ -109,7 +117,8 @@ def load_actuators(path: str | PathLike[str] | None = None) -> tuple[Actuator, .
 def load_joints(path: str | PathLike[str] | None = None) -> tuple[Joint, ...]:
     """Load joints from a CSV file, or the bundled catalogue [Sahbaz 2007, Tables 3.4 to 3.6].
 
-    As `load_actuators`, with the columns company, model, tilt, force, precision, size, mass, type, cost.
+    As `load_actuators`, with the columns company, model, tilt, force, precision, size, mass, type,
+    cost.
 
     Parameters
     ----------
@@ -132,7 +141,14 @@ def load_joints(path: str | PathLike[str] | None = None) -> tuple[Joint, ...]:
 Part = TypeVar("Part", bound=Actuator | Joint)
 
 _COMMON = {"force": "N", "precision": "m", "size": "m", "mass": "kg"}
-_PROPERTIES = {"stroke": "m", "speed": "m/s", "tilt": "rad", "force": "N", "precision": "m", "mass": "kg"}
+_PROPERTIES = {
+    "stroke": "m",
+    "speed": "m/s",
+    "tilt": "rad",
+    "force": "N",
+    "precision": "m",
+    "mass": "kg",
+}
 _TEXT_FIELDS = ("company", "model", "type")
 _EMPTY_CELLS = ("", "-", "–")
 _COST = re.compile(r"(\d+(?:\.\d+)?)(?:\s*[-–]\s*(\d+(?:\.\d+)?))?")
@@ -140,7 +156,9 @@ _COST = re.compile(r"(\d+(?:\.\d+)?)(?:\s*[-–]\s*(\d+(?:\.\d+)?))?")
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """A header's cell: the field it fills, the unit of the numbers below it, and how one of them is read."""
+    """A header's cell: the field it fills, the unit of the numbers below it, and how one of them is
+    read.
+    """
 
     header: str
     field: str
@@ -155,7 +173,14 @@ def _source(path: str | PathLike[str] | None, bundled: str) -> Path | Traversabl
 def _rows(source: Path | Traversable, part: type[Part], own: dict[str, str]) -> Iterator[Part]:
     file, lines = str(source), list(_lines(source))
     if not lines:
-        raise FileError(file, [Fault("", "empty: the first line names the columns, e.g. company,stroke_mm,force_N", 1)])
+        raise FileError(
+            file,
+            [
+                Fault(
+                    "", "empty: the first line names the columns, e.g. company,stroke_mm,force_N", 1
+                )
+            ],
+        )
     faults: list[Fault] = []
     columns = _columns(lines[0], {**own, **_COMMON}, faults)
     if faults:
@@ -186,7 +211,9 @@ def _lines(source: Path | Traversable) -> Iterator[tuple[int, list[str]]]:
             raise FileError(file, [Fault("", f"not CSV: {error}", number)]) from None
 
 
-def _columns(header: tuple[int, list[str]], units: dict[str, str], faults: list[Fault]) -> list[_Column]:
+def _columns(
+    header: tuple[int, list[str]], units: dict[str, str], faults: list[Fault]
+) -> list[_Column]:
     line, cells = header
     found = []
     for cell in cells:
@@ -206,7 +233,13 @@ def _columns(header: tuple[int, list[str]], units: dict[str, str], faults: list[
             found.append(_Column(cell, field, unit, _quantity_reader(units[field], read)))
         else:
             known = (*_TEXT_FIELDS, *units, "cost")
-            faults.append(Fault(cell, f"unknown column{nearest(field, known)}; columns: {', '.join(known)}", line))
+            faults.append(
+                Fault(
+                    cell,
+                    f"unknown column{nearest(field, known)}; columns: {', '.join(known)}",
+                    line,
+                )
+            )
     fields = [column.field for column in found]
     for field in dict.fromkeys(field for field in fields if fields.count(field) > 1):
         faults.append(Fault(field, "two columns of this name: leave one", line))
@@ -215,7 +248,9 @@ def _columns(header: tuple[int, list[str]], units: dict[str, str], faults: list[
     return found
 
 
-def _part(line: int, cells: list[str], columns: list[_Column], part: type[Part], faults: list[Fault]) -> Part | None:
+def _part(
+    line: int, cells: list[str], columns: list[_Column], part: type[Part], faults: list[Fault]
+) -> Part | None:
     if len(cells) != len(columns):
         faults.append(
             Fault(
@@ -240,26 +275,34 @@ def _part(line: int, cells: list[str], columns: list[_Column], part: type[Part],
     return part(name=name, line=line, **values)
 
 
-def _quantity_reader(unit: str, read: Callable[[str, str, str], Any]) -> Callable[[str, _Column], Any]:
+def _quantity_reader(
+    unit: str, read: Callable[[str, str, str], Any]
+) -> Callable[[str, _Column], Any]:
     return lambda text, column: read(text, column.unit, unit)
 
 
 def _number(text: str, plain: str, unit: str) -> float:
-    """One positive quantity in SI: a plain number in the column's unit, or with a unit of its own."""
+    """One positive quantity in SI: a plain number in the column's unit, or with a unit of its
+    own.
+    """
     try:
         float(text)
     except ValueError:
         written = text
     else:
         if not plain:
-            raise MotionError(f"{describe_value(text)}: a number without a unit: name it in the column, as stroke_mm")
+            raise MotionError(
+                f"{describe_value(text)}: a number without a unit: name it in the column, as stroke_mm"
+            )
         written = f"{text} {plain}"
     try:
         value = quantity(written, unit)
     except MotionError as error:
         raise MotionError(f"no number of {plain or everyday_unit(unit)}: {error}") from None
     if not value > 0:
-        raise MotionError(f"{describe_value(written)} must be above {describe(0.0, plain or everyday_unit(unit))}")
+        raise MotionError(
+            f"{describe_value(written)} must be above {describe(0.0, plain or everyday_unit(unit))}"
+        )
     return value
 
 

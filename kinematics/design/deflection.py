@@ -1,4 +1,5 @@
-"""The deflection of a beam that carries the platform, with its Abbe lever: a source of the accuracy budget.
+"""The deflection of a beam that carries the platform, with its Abbe lever: a source of the accuracy
+budget.
 
 The beam is simply supported, and sinks and tilts under a load that travels along it.
 """
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Beam:
-    """A beam on two supports: span m between them, modulus Pa of its material, second moment m⁴ of its section.
+    """A beam on two supports: span m between them, modulus Pa of its material, second moment m⁴ of
+    its section.
 
-    Euler and Bernoulli, small deflections: E I y″ = M, no shear. Sources: [Sasidhar 1981, Appendix D], Timoshenko.
+    Euler and Bernoulli, small deflections: E I y″ = M, no shear. Sources: [Sasidhar 1981, Appendix
+    D], Timoshenko.
     """
 
     span: float
@@ -36,18 +39,30 @@ class Beam:
         for field in fields(self):
             value = getattr(self, field.name)
             if not finite_array(value, f"beam: {field.name}", ()) > 0:
-                raise MotionError(f"beam: {field.name} {value} must be positive and finite (m, Pa, m⁴)")
+                raise MotionError(
+                    f"beam: {field.name} {value} must be positive and finite (m, Pa, m⁴)"
+                )
 
     def deflection(self, load: float, place: ArrayLike) -> Array:
-        """m downwards under a load W (N) at c (m) from the first support: W c² (l − c)² / (3 E I l)."""
-        c = self._check_place(place)
-        return np.asarray(_check_load(load) * c**2 * (self.span - c) ** 2 / (3 * self._stiffness * self.span))
-
-    def slope(self, load: float, place: ArrayLike) -> Array:
-        """rad under a load W (N) at c (m), downwards along the beam positive: W c (l − c)(l − 2c) / (3 E I l)."""
+        """m downwards under a load W (N) at c (m) from the first support: W c² (l − c)² / (3 E I
+        l).
+        """
         c = self._check_place(place)
         return np.asarray(
-            _check_load(load) * c * (self.span - c) * (self.span - 2 * c) / (3 * self._stiffness * self.span)
+            _check_load(load) * c**2 * (self.span - c) ** 2 / (3 * self._stiffness * self.span)
+        )
+
+    def slope(self, load: float, place: ArrayLike) -> Array:
+        """rad under a load W (N) at c (m), downwards along the beam positive: W c (l − c)(l − 2c) /
+        (3 E I l).
+        """
+        c = self._check_place(place)
+        return np.asarray(
+            _check_load(load)
+            * c
+            * (self.span - c)
+            * (self.span - 2 * c)
+            / (3 * self._stiffness * self.span)
         )
 
     def largest_deflection(self, load: float) -> float:
@@ -65,7 +80,9 @@ class Beam:
     def _check_place(self, place: ArrayLike) -> Array:
         c = finite_array(place, "beam: the load's place", unit="m")
         if not ((c >= 0) & (c <= self.span)).all():
-            raise MotionError(f"beam: a load at {c[~((c >= 0) & (c <= self.span))].flat[0]} m is off its {self.span} m")
+            raise MotionError(
+                f"beam: a load at {c[~((c >= 0) & (c <= self.span))].flat[0]} m is off its {self.span} m"
+            )
         return c
 
 
@@ -86,8 +103,8 @@ class Deflection:
     down              (3,) the direction of the load
     spans             equal spans one after the other, each on its own two supports
 
-    At c along a span: shift = δ(c) down, turn ω = δ′(c) along × down; the platform, at h from the beam, shifts by
-    ω × h more, which is the Abbe error. Source: [Sasidhar 1981, Appendix D].
+    At c along a span: shift = δ(c) down, turn ω = δ′(c) along × down; the platform, at h from the
+    beam, shifts by ω × h more, which is the Abbe error. Source: [Sasidhar 1981, Appendix D].
     """
 
     beam: Beam
@@ -104,22 +121,34 @@ class Deflection:
             raise MotionError(f"{self.name}: beam must be a Beam, not {self.beam!r}")
         require_nonnegative(self, skip=("beam", "start", "along", "down"))
         if self.spans < 1 or self.spans != int(self.spans):
-            raise MotionError(f"{self.name}: {self.spans} spans; a beam has 1, 2 or another whole number")
+            raise MotionError(
+                f"{self.name}: {self.spans} spans; a beam has 1, 2 or another whole number"
+            )
         _, along, down = (
-            finite_array(getattr(self, what), f"{self.name}: {what}", (3,)) for what in ("start", "along", "down")
+            finite_array(getattr(self, what), f"{self.name}: {what}", (3,))
+            for what in ("start", "along", "down")
         )
         if not along.any() or not down.any():
             raise MotionError(f"{self.name}: along and down are directions, which must not be zero")
         along, down = along / np.linalg.norm(along), down / np.linalg.norm(down)
         if abs(along @ down) > 1e-9:
-            raise MotionError(f"{self.name}: the load acts along `down`, which must be square to `along`")
+            raise MotionError(
+                f"{self.name}: the load acts along `down`, which must be square to `along`"
+            )
 
     def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect:
         spread = self.twist(pose.translation, self.load_error)
-        return Effect(np.full(1, UNIFORM), pose=spread[:, :, None], bias=self.twist(pose.translation, self.load))
+        return Effect(
+            np.full(1, UNIFORM),
+            pose=spread[:, :, None],
+            bias=self.twist(pose.translation, self.load),
+        )
 
     def twist(self, position: Array, load: float) -> Array:
-        """(N, 6) [shift, turn] of a platform with its origin at position (N, 3). Raises MotionError off the beam."""
+        """(N, 6) [shift, turn] of a platform with its origin at position (N, 3).
+
+        Raises MotionError off the beam.
+        """
         along, down = (np.array(v, float) / np.linalg.norm(v) for v in (self.along, self.down))
         offset = position - np.array(self.start)
         place = offset @ along
@@ -133,7 +162,9 @@ class Deflection:
             )
         place = np.clip(place, 0.0, length)
         within = np.clip(
-            place - self.beam.span * np.minimum(place // self.beam.span, self.spans - 1), 0, self.beam.span
+            place - self.beam.span * np.minimum(place // self.beam.span, self.spans - 1),
+            0,
+            self.beam.span,
         )
         turn = np.outer(self.beam.slope(load, within), np.cross(along, down))
         lever = offset - np.outer(place, along)

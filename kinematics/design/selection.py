@@ -1,4 +1,6 @@
-"""What motions need of a machine's actuators and joints, which of a catalogue can do it, and why the others cannot."""
+"""What motions need of a machine's actuators and joints, which of a catalogue can do it, and why
+the others cannot.
+"""
 
 from __future__ import annotations
 
@@ -46,13 +48,21 @@ class _Need(Result):
         """What is asked for; what does not matter is left out."""
         wanted = self.demands()
         units = [SI[name] for name in wanted]
-        columns = (Column("property", [*wanted]), Column("needed", [*wanted.values()], units, "human"))
-        return (Table(f"{type(self).__name__.removesuffix('Need').lower()} that is needed", columns),)
+        columns = (
+            Column("property", [*wanted]),
+            Column("needed", [*wanted.values()], units, "human"),
+        )
+        return (
+            Table(f"{type(self).__name__.removesuffix('Need').lower()} that is needed", columns),
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class ActuatorNeed(_Need):
-    """Requirements on every actuator: stroke (m), speed (m/s), force (N), coarsest precision (m). None: any."""
+    """Requirements on every actuator: stroke (m), speed (m/s), force (N), coarsest precision (m).
+
+    None: any.
+    """
 
     stroke: float | None = None
     speed: float | None = None
@@ -89,17 +99,24 @@ class AxisMotion:
                 continue
             array = finite_array(value, f"motion: {field.name}")
             if array.ndim != 2 or not array.size:
-                raise MotionError(f"motion: {field.name} must be finite numbers (N, axes), not shape {array.shape}")
+                raise MotionError(
+                    f"motion: {field.name} must be finite numbers (N, axes), not shape {array.shape}"
+                )
             if array.shape != np.shape(self.q):
-                raise MotionError(f"motion: {field.name} is {array.shape}, q is {np.shape(self.q)}: (N, axes) of both")
+                raise MotionError(
+                    f"motion: {field.name} is {array.shape}, q is {np.shape(self.q)}: (N, axes) of both"
+                )
             object.__setattr__(self, field.name, freeze_array(array))
 
 
 @check_arguments()
-def actuator_need(motions: Iterable[AxisMotion | Motion | Forces], precision: float | None = None) -> ActuatorNeed:
+def actuator_need(
+    motions: Iterable[AxisMotion | Motion | Forces], precision: float | None = None
+) -> ActuatorNeed:
     """Requirements on one type of linear actuator used on all axes, for all motions.
 
-    stroke = maxᵢ (max q_i − min q_i) over all motions together; speed = max |qd|; force = max |force|.
+    stroke = maxᵢ (max q_i − min q_i) over all motions together; speed = max |qd|; force = max
+    |force|.
 
     Parameters
     ----------
@@ -124,7 +141,9 @@ def actuator_need(motions: Iterable[AxisMotion | Motion | Forces], precision: fl
     q = np.concatenate([run.q for run in runs])
     forces = [np.abs(run.force).max() for run in runs if run.force is not None]
     if len(forces) not in (0, len(runs)):
-        raise MotionError(f"{len(forces)} of {len(runs)} motions have forces; give them for all, or for none")
+        raise MotionError(
+            f"{len(forces)} of {len(runs)} motions have forces; give them for all, or for none"
+        )
     return ActuatorNeed(
         stroke=float(np.ptp(q, axis=0).max()) or None,
         speed=float(max(np.abs(run.qd).max() for run in runs)) or None,
@@ -142,7 +161,9 @@ def _read_motion(motion: AxisMotion | Motion | Forces) -> AxisMotion:
         case Motion():
             return AxisMotion(motion.q, motion.qd)
         case _:
-            raise MotionError(f"selection: {motion!r} is no motion; give AxisMotion, Motion or Forces")
+            raise MotionError(
+                f"selection: {motion!r} is no motion; give AxisMotion, Motion or Forces"
+            )
 
 
 @check_arguments("machine", "pose")
@@ -173,8 +194,12 @@ def joint_need(machine: MachineSource, pose: PoseLike, force: ArrayLike | None =
         raise MotionError(f"machine {machine.name} has no joints that tilt")
     pose = machine.read_pose(pose)
     machine.inverse(pose)  # refuses what cannot be reached
-    if force is not None and not np.size(force := finite_array(force, "joint_need: force", unit="N")):
-        raise MotionError("joint_need: force is empty; give the forces of the joints in N, or None where any will do")
+    if force is not None and not np.size(
+        force := finite_array(force, "joint_need: force", unit="N")
+    ):
+        raise MotionError(
+            "joint_need: force is empty; give the forces of the joints in N, or None where any will do"
+        )
     tilt = float(np.arccos(np.clip(machine.tilt_map(to_numbers(pose)), -1.0, 1.0)).max())
     return JointNeed(tilt or None, None if force is None else float(np.abs(force).max()) or None)
 
@@ -182,18 +207,24 @@ def joint_need(machine: MachineSource, pose: PoseLike, force: ArrayLike | None =
 def _check_need(need: ActuatorNeed | JointNeed) -> None:
     for name, value in need.demands().items():
         if not finite_array(value, f"needed {name}", (), unit="SI units") > 0:
-            raise MotionError(f"needed {name} {describe(value, UNITS[name])} must be positive and finite, or None")
+            raise MotionError(
+                f"needed {name} {describe(value, UNITS[name])} must be positive and finite, or None"
+            )
 
 
 AnyPart = Actuator | Joint
 
 _UPPER_BOUNDED = ("precision",)
-"""Properties of which a part may offer no more than the need; of all others it must offer no less."""
+"""Properties of which a part may offer no more than the need; of all others it must offer no
+less.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Choice(Generic[Part]):
-    """A part that does: `reserve` is the smallest offered/needed over all properties, at `tightest`."""
+    """A part that does: `reserve` is the smallest offered/needed over all properties, at
+    `tightest`.
+    """
 
     part: Part
     reserve: float
@@ -219,8 +250,13 @@ class Selection(Result, Generic[Part]):
 
     def tables(self) -> tuple[Table, ...]:
         """The parts in their order, then those that do not, and why."""
-        wanted = ", ".join(f"{name} {describe(value, UNITS[name])}" for name, value in self.need.demands().items())
-        parts: list[AnyPart] = [*(choice.part for choice in self.feasible), *(out.part for out in self.refused)]
+        wanted = ", ".join(
+            f"{name} {describe(value, UNITS[name])}" for name, value in self.need.demands().items()
+        )
+        parts: list[AnyPart] = [
+            *(choice.part for choice in self.feasible),
+            *(out.part for out in self.refused),
+        ]
         others = [None] * len(self.refused)
         columns = (
             Column("rank", [*range(1, len(self.feasible) + 1), *others]),
@@ -231,14 +267,20 @@ class Selection(Result, Generic[Part]):
             Column("reserve", [*(choice.reserve for choice in self.feasible), *others], form=".2f"),
             Column(
                 "tightest, or why not",
-                [*(choice.tightest for choice in self.feasible), *("; ".join(out.reasons) for out in self.refused)],
+                [
+                    *(choice.tightest for choice in self.feasible),
+                    *("; ".join(out.reasons) for out in self.refused),
+                ],
             ),
         )
         return (Table(f"needed: {wanted}; ranked by {self.criterion}", columns),)
 
 
 _CRITERIA: dict[str, tuple[str, Callable[[AnyPart, float], float | None]]] = {
-    "cost": ("the upper end of the stated price, cheapest first", lambda part, reserve: part.cost and part.cost[1]),
+    "cost": (
+        "the upper end of the stated price, cheapest first",
+        lambda part, reserve: part.cost and part.cost[1],
+    ),
     "mass": ("mass, lightest first", lambda part, reserve: part.mass),
     "precision": ("precision, finest first", lambda part, reserve: part.precision),
     "reserve": ("the smallest offered/needed, largest first", lambda part, reserve: -reserve),
@@ -246,7 +288,9 @@ _CRITERIA: dict[str, tuple[str, Callable[[AnyPart, float], float | None]]] = {
 
 
 @check_arguments()
-def select_parts(parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str = "cost") -> Selection[Part]:
+def select_parts(
+    parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str = "cost"
+) -> Selection[Part]:
     """Rank the parts that meet the requirements; list the reasons against all others.
 
     A property that is needed but not stated counts as not offered.
@@ -258,7 +302,8 @@ def select_parts(parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str 
     need
         What they must offer.
     by
-        "cost", "mass", "precision" or "reserve": parts of which it is not stated come last; ties go to the larger
+        "cost", "mass", "precision" or "reserve": parts of which it is not stated come last; ties go
+        to the larger
         reserve, then to the catalogue's order.
 
     Returns
@@ -272,7 +317,9 @@ def select_parts(parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str 
         The need is one of the other kind of part or empty, or the criterion is unknown.
     """
     if by not in _CRITERIA:
-        raise MotionError(f'no criterion "{by}"{nearest(by, _CRITERIA)}; criteria: {", ".join(_CRITERIA)}')
+        raise MotionError(
+            f'no criterion "{by}"{nearest(by, _CRITERIA)}; criteria: {", ".join(_CRITERIA)}'
+        )
     wanted = need.demands()
     if not wanted:
         raise MotionError("selection: no requirement; state at least one property")
@@ -282,15 +329,21 @@ def select_parts(parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str 
         foreign = [name for name in wanted if not hasattr(part, name)]
         if foreign:
             raise MotionError(f"{part.name}: {type(part).__name__.lower()}s have no {foreign[0]}")
-        reasons = tuple(filter(None, (_reason(part, name, value) for name, value in wanted.items())))
+        reasons = tuple(
+            filter(None, (_reason(part, name, value) for name, value in wanted.items()))
+        )
         if reasons:
             refused.append(Refusal(part, reasons))
         else:
-            reserve = {name: _ratio(name, getattr(part, name), value) for name, value in wanted.items()}
+            reserve = {
+                name: _ratio(name, getattr(part, name), value) for name, value in wanted.items()
+            }
             tightest = min(reserve, key=reserve.__getitem__)
             feasible.append(Choice(part, reserve[tightest], tightest))
     text, key = _CRITERIA[by]
-    feasible.sort(key=lambda choice: (_none_last(key(choice.part, choice.reserve)), -choice.reserve))
+    feasible.sort(
+        key=lambda choice: (_none_last(key(choice.part, choice.reserve)), -choice.reserve)
+    )
     return Selection(need, f"{text}; not stated last", tuple(feasible), tuple(refused))
 
 

@@ -1,4 +1,6 @@
-"""Sizing a stepper motor for an axis that a leadscrew drives: its parts, what it must do, and whether the motor can."""
+"""Sizing a stepper motor for an axis that a leadscrew drives: its parts, what it must do, and
+whether the motor can.
+"""
 
 from dataclasses import dataclass, fields
 from math import inf, isfinite, pi, sqrt, tau
@@ -18,7 +20,9 @@ STEEL = 7850.0
 
 @dataclass(frozen=True, slots=True)
 class Leadscrew:
-    """lead m per revolution, diameter m, length m, efficiency 0 to 1, drag N·m of nut and bearings, density kg/m³."""
+    """lead m per revolution, diameter m, length m, efficiency 0 to 1, drag N·m of nut and bearings,
+    density kg/m³.
+    """
 
     lead: float
     diameter: float
@@ -40,7 +44,9 @@ class Leadscrew:
 
 @dataclass(frozen=True, slots=True)
 class Slide:
-    """mass kg, friction N of the guides, lift: the share of its weight that the screw carries (1 vertical, 0 level)."""
+    """mass kg, friction N of the guides, lift: the share of its weight that the screw carries (1
+    vertical, 0 level).
+    """
 
     mass: float
     friction: float = 0.0
@@ -54,7 +60,8 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class StepMotor:
-    """step rad, rotor inertia kg·m², holding torque N·m, pull_out: (steps/s, N·m) points of the falling curve.
+    """step rad, rotor inertia kg·m², holding torque N·m, pull_out: (steps/s, N·m) points of the
+    falling curve.
 
     None is not stated. Half steps are steps of half the angle.
     """
@@ -70,14 +77,20 @@ class StepMotor:
             return
         points = finite_array(self.pull_out, "motor: pull_out")
         if points.ndim != 2 or points.shape[1] != 2:
-            raise MotionError(f"motor: pull_out must be points (steps/s, N·m), not of shape {points.shape}")
+            raise MotionError(
+                f"motor: pull_out must be points (steps/s, N·m), not of shape {points.shape}"
+            )
         if len(points) < 2 or not (np.diff(points[:, 0]) > 0).all():
-            raise MotionError("motor: pull_out needs two or more (steps/s, N·m) points in the order of rising rates")
+            raise MotionError(
+                "motor: pull_out needs two or more (steps/s, N·m) points in the order of rising rates"
+            )
         if (points < 0).any():
             raise MotionError("motor: pull_out must hold values that are not negative")
 
     def torque(self, rate: float) -> float | None:
-        """N·m that it can give at every rate up to this one (steps/s); 0 beyond its curve, None without one."""
+        """N·m that it can give at every rate up to this one (steps/s); 0 beyond its curve, None
+        without one.
+        """
         if self.pull_out is None:
             return None
         rates, torques = np.array(self.pull_out, float).T
@@ -88,7 +101,9 @@ class StepMotor:
 
 @dataclass(frozen=True, slots=True)
 class Traverse:
-    """Requirements on the axis: travel m within time s, ramps of `ramp` s each, accuracy m; optional top speed m/s."""
+    """Requirements on the axis: travel m within time s, ramps of `ramp` s each, accuracy m;
+    optional top speed m/s.
+    """
 
     travel: float
     time: float
@@ -106,12 +121,18 @@ class Traverse:
 
     @property
     def least_speed(self) -> float:
-        """m/s: the top speed of the trapezoid that takes exactly the time allowed, travel/(time − ramp)."""
+        """m/s: the top speed of the trapezoid that takes exactly the time allowed, travel/(time −
+        ramp).
+        """
         return self.travel / (self.time - self.ramp)
 
 
-def _require_positive(values: Any, what: str, zero: tuple[str, ...] = (), skip: tuple[str, ...] = ()) -> None:
-    """Every field is a positive, finite number; those in `zero` may be 0, None where that is the default."""
+def _require_positive(
+    values: Any, what: str, zero: tuple[str, ...] = (), skip: tuple[str, ...] = ()
+) -> None:
+    """Every field is a positive, finite number; those in `zero` may be 0, None where that is the
+    default.
+    """
     for field in fields(values):
         value = getattr(values, field.name)
         if field.name in skip or (value is None and field.default is None):
@@ -130,7 +151,9 @@ STEPS_PER_ACCURACY = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One rule: what is offered and needed, in `unit`; holds is None where the offer is not stated."""
+    """One rule: what is offered and needed, in `unit`; holds is None where the offer is not
+    stated.
+    """
 
     name: str
     offered: float | None
@@ -150,9 +173,11 @@ class StepperSizing(Result):
     least_speed          m/s, the top speed of the trapezoid that takes exactly the time allowed
     speed, rate          top speed, m/s, and its steps/s
     duration             s that the travel then takes
-    slide_inertia, screw_inertia, rotor_inertia, inertia  kg·m² as the motor sees them, and their sum
+    slide_inertia, screw_inertia, rotor_inertia, inertia  kg·m² as the motor sees them, and their
+                                                          sum
     acceleration         rad/s²
-    acceleration_torque, friction_torque, gravity_torque, torque  N·m, and their sum, wanted at every rate up to `rate`
+    acceleration_torque, friction_torque, gravity_torque, torque  N·m, and their sum, wanted at
+    every rate up to `rate`
     standstill_torque    N·m that the motor must hold against the weight, counting on no friction
     checks               rules, each met or not
     """
@@ -187,14 +212,20 @@ class StepperSizing(Result):
         names = [field.name for field in fields(self) if field.name != "checks"]
         lines = (
             Column("quantity", [name.replace("_", " ") for name in names]),
-            Column("value", [getattr(self, name) for name in names], [_unit(name) for name in names]),
+            Column(
+                "value", [getattr(self, name) for name in names], [_unit(name) for name in names]
+            ),
         )
         own = [check.unit for check in self.checks]
         rules = (
             Column("rule", [check.name for check in self.checks]),
             Column("offered", [check.offered for check in self.checks], own),
             Column("needed", [check.needed for check in self.checks], own),
-            Column("holds", [check.holds for check in self.checks], words={"None": "not stated", "False": "NO"}),
+            Column(
+                "holds",
+                [check.holds for check in self.checks],
+                words={"None": "not stated", "False": "NO"},
+            ),
         )
         return Table("sizing of a stepper", lines), Table("rules", rules)
 
@@ -218,15 +249,21 @@ _UNITS = {
 
 @check_arguments()
 def size_stepper(
-    slide: Slide, screw: Leadscrew, motor: StepMotor, traverse: Traverse, share: float = STEPS_PER_ACCURACY
+    slide: Slide,
+    screw: Leadscrew,
+    motor: StepMotor,
+    traverse: Traverse,
+    share: float = STEPS_PER_ACCURACY,
 ) -> StepperSizing:
     """Size the motor of a leadscrew axis.
 
     lead λ per revolution, r = λ/2π, efficiency η, step angle θ, top speed v:
     rate = v/λ · 2π/θ;  α = (v/r)/ramp;  I = m r² + π ρ L D⁴/32 + I_rotor
-    T_A = (m r²/η + I_screw + I_rotor) α;  T_F = F r/η + drag;  T_G = lift m g r/η;  T = T_A + T_F + T_G
+    T_A = (m r²/η + I_screw + I_rotor) α;  T_F = F r/η + drag;  T_G = lift m g r/η;  T = T_A + T_F +
+                                           T_G
     standstill: lift m g r (a screw's friction helps to hold, but is not counted on)
-    Source: [Sasidhar 1981, Appendix B], with exact factors for its rounded ones, and the slide's inertia through the
+    Source: [Sasidhar 1981, Appendix B], with exact factors for its rounded ones, and the slide's
+    inertia through the
     screw's efficiency.
 
     Parameters
@@ -256,7 +293,9 @@ def size_stepper(
     rate = speed / step
     slide_inertia = slide.mass * radius**2
     acceleration = speed / radius / traverse.ramp
-    acceleration_torque = (slide_inertia / screw.efficiency + screw.inertia + motor.inertia) * acceleration
+    acceleration_torque = (
+        slide_inertia / screw.efficiency + screw.inertia + motor.inertia
+    ) * acceleration
     friction_torque = slide.friction * radius / screw.efficiency + screw.drag
     weight_torque = slide.lift * slide.mass * GRAVITY * radius
     torque = acceleration_torque + friction_torque + weight_torque / screw.efficiency
@@ -291,7 +330,9 @@ def size_stepper(
 
 
 def trapezoid_time(travel: float, speed: float, ramp: float) -> float:
-    """s from rest to rest with ramps of `ramp` s to `speed`; a triangle where the travel is too short for them."""
+    """s from rest to rest with ramps of `ramp` s to `speed`; a triangle where the travel is too
+    short for them.
+    """
     if travel < speed * ramp:
         return 2 * sqrt(travel * ramp / speed)
     return travel / speed + ramp
@@ -306,4 +347,10 @@ def _check_at_most(name: str, offered: float, needed: float, unit: str) -> Check
 
 
 def _check_at_least(name: str, offered: float | None, needed: float, unit: str) -> Check:
-    return Check(name, offered, needed, unit, None if offered is None else bool(offered >= needed * (1 - SLACK)))
+    return Check(
+        name,
+        offered,
+        needed,
+        unit,
+        None if offered is None else bool(offered >= needed * (1 - SLACK)),
+    )

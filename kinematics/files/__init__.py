@@ -1,1 +1,3 @@
-"""Files in and out: TOML with its lines, schemas, text, results that are there whole or not at all."""
+"""Files in and out: TOML with its lines, schemas, text, results that are there whole or not at
+all.
+"""

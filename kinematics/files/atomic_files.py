@@ -1,8 +1,9 @@
 """Files take their places whole, and never that of something that came meanwhile.
 
-A run makes a result beside its place, under a hidden name, and holds a lock on it that ends with the process. So a
-later run that writes into the same folder knows what no one works on any more, and removes it. Signals (Ctrl-C, the
-system's request to end, a hang-up) are held back while what they would break off must not be.
+A run makes a result beside its place, under a hidden name, and holds a lock on it that ends with
+the process. So a later run that writes into the same folder knows what no one works on any more,
+and removes it. Signals (Ctrl-C, the system's request to end, a hang-up) are held back while what
+they would break off must not be.
 """
 
 import errno
@@ -72,7 +73,9 @@ def defer_signals() -> Iterator[HeldSignals]:
 
 @contextmanager
 def stage_directory(place: Path) -> Iterator[Path]:
-    """A hidden directory beside a place, of this process alone; nothing of it remains when the block ends."""
+    """A hidden directory beside a place, of this process alone; nothing of it remains when the
+    block ends.
+    """
     made, descriptor = None, None
     try:
         with defer_signals():
@@ -89,14 +92,18 @@ def stage_directory(place: Path) -> Iterator[Path]:
 
 
 def remove_staged() -> None:
-    """Remove the hidden directories of this process, which a thread does before it ends a process that hangs."""
+    """Remove the hidden directories of this process, which a thread does before it ends a process
+    that hangs.
+    """
     _DEFERRING.acquire(timeout=MAX_WAIT)
     for made, place in [*_STAGED.items()]:
         end(made, place)
 
 
 def _make_directory(place: Path) -> tuple[Path, int | None]:
-    """A new hidden directory beside a place, and its lock; None where this system has none: no run will clear it."""
+    """A new hidden directory beside a place, and its lock; None where this system has none: no run
+    will clear it.
+    """
     while True:
         try:
             name = shorten_name(place.name, RANDOM_CHARACTERS + len(f".-{SUFFIX}"))
@@ -121,8 +128,8 @@ DISK_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 def name_file(path: Path, *staged: Path) -> Iterator[None]:
     """Within, an error of the disk that names no file, or a staged one, names this one.
 
-    The system says nothing about the file when a write fails, and a library that then cannot finish its file may raise
-    an error of its own over that of the system.
+    The system says nothing about the file when a write fails, and a library that then cannot finish
+    its file may raise an error of its own over that of the system.
     """
     try:
         yield
@@ -151,17 +158,20 @@ def write_named(path: Path, content: str | bytes) -> None:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file so that it is there complete or as it was before; text in UTF-8, its line ends as they are."""
+    """Write a file so that it is there complete or as it was before; text in UTF-8, its line ends
+    as they are.
+    """
     with stage_file(path) as file:
         write_named(file, content)
 
 
 @contextmanager
 def stage_file(path: Path) -> Iterator[Path]:
-    """A file to write beside another, which takes its place when the block ends well, and is gone when it does not.
+    """A file to write beside another, which takes its place when the block ends well, and is gone
+    when it does not.
 
-    For what is this program's own, since it replaces whatever is there: `kinematics.files.atomic_files` has the
-    results.
+    For what is this program's own, since it replaces whatever is there:
+    `kinematics.files.atomic_files` has the results.
     """
     place = path.absolute()
     clear(place.parent)
@@ -179,7 +189,9 @@ def staged_path(made: Path, place: Path) -> Path:
 
 
 def require_folder(what: str, place: Path) -> None:
-    """Raise MotionError for a file to write whose folder is not there, or of a name that no file can have."""
+    """Raise MotionError for a file to write whose folder is not there, or of a name that no file
+    can have.
+    """
     if "\0" in str(place):
         raise MotionError(f"{what}: the path has a NUL in it; give another")
     if not place.parent.is_dir():
@@ -195,14 +207,18 @@ OCCUPIED_ERRNOS = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR, errno.EISDIR)
 
 
 class Destination:
-    """A file to write, and what stood in its place when this was made, which is before the work begins.
+    """A file to write, and what stood in its place when this was made, which is before the work
+    begins.
 
-    Raises MotionError where something stands there, unless `force` lets it be replaced; remedy: how, for that message.
+    Raises MotionError where something stands there, unless `force` lets it be replaced; remedy:
+    how, for that message.
     """
 
     __slots__ = ("before", "path", "place")
 
-    def __init__(self, path: Path, *, force: bool = False, remedy: str = "give --force to replace it") -> None:
+    def __init__(
+        self, path: Path, *, force: bool = False, remedy: str = "give --force to replace it"
+    ) -> None:
         self.path, self.place = path, path.absolute()
         self.before = stamp(self.place)
         if self.before is not None and not force:
@@ -212,7 +228,10 @@ class Destination:
 
     @contextmanager
     def stage(self) -> Iterator[Path]:
-        """A file to write beside the place, which it takes when the block ends well. Raises as `stage_files`."""
+        """A file to write beside the place, which it takes when the block ends well.
+
+        Raises as `stage_files`.
+        """
         with stage_files([self]) as (file,):
             yield file
 
@@ -224,16 +243,24 @@ class Destination:
 
 @contextmanager
 def stage_files(destinations: Sequence[Destination]) -> Iterator[list[Path]]:
-    """Files to write beside their places, which all of them take when the block ends well, and none when it does not.
+    """Files to write beside their places, which all of them take when the block ends well, and none
+    when it does not.
 
-    Raises MotionError where a place is no longer as it was when its destination was made. Nothing is replaced then, and
-    what was made is kept beside, under names that the error tells.
+    Raises MotionError where a place is no longer as it was when its destination was made. Nothing
+    is replaced then, and what was made is kept beside, under names that the error tells.
     """
     with ExitStack() as stack:
-        for folder in {above for destination in destinations for above in destination.place.parents[:2]}:
+        for folder in {
+            above for destination in destinations for above in destination.place.parents[:2]
+        }:
             clear(folder)  # also where a directory of results stands, in which this one is
-        made = [stack.enter_context(stage_directory(destination.place)) for destination in destinations]
-        files = [staged_path(each, destination.place) for each, destination in zip(made, destinations, strict=True)]
+        made = [
+            stack.enter_context(stage_directory(destination.place)) for destination in destinations
+        ]
+        files = [
+            staged_path(each, destination.place)
+            for each, destination in zip(made, destinations, strict=True)
+        ]
         with ExitStack() as naming:
             for destination, file in zip(destinations, files, strict=True):
                 naming.enter_context(name_file(destination.path, file))
@@ -242,7 +269,9 @@ def stage_files(destinations: Sequence[Destination]) -> Iterator[list[Path]]:
             _put_all(destinations, made, files)
 
 
-def _put_all(destinations: Sequence[Destination], made: Sequence[Path], files: Sequence[Path]) -> None:
+def _put_all(
+    destinations: Sequence[Destination], made: Sequence[Path], files: Sequence[Path]
+) -> None:
     done: list[tuple[Destination, Path, Path]] = []
     try:
         for each in zip(destinations, made, files, strict=True):
@@ -254,7 +283,9 @@ def _put_all(destinations: Sequence[Destination], made: Sequence[Path], files: S
         if not isinstance(error, FileExistsError):
             raise
         taken = destinations[len(done)]
-        kept = [move_aside(file, each.place) for each, file in zip(destinations, files, strict=True)]
+        kept = [
+            move_aside(file, each.place) for each, file in zip(destinations, files, strict=True)
+        ]
         raise conflict_error(taken.path, taken.before is not None, kept) from None
 
 
@@ -280,7 +311,10 @@ def _take_back(destination: Destination, made: Path, file: Path) -> None:
 
 
 def put_new(file: Path, place: Path) -> None:
-    """Move a file to a place where nothing is. Raises FileExistsError where something is, and leaves both."""
+    """Move a file to a place where nothing is.
+
+    Raises FileExistsError where something is, and leaves both.
+    """
     if sys.platform == "win32":
         file.rename(place)  # which replaces nothing there
         return
@@ -296,7 +330,9 @@ def put_new(file: Path, place: Path) -> None:
 
 
 def move_aside(made: Path, place: Path) -> Path:
-    """Move a file or directory that cannot take its place to a free name beside it, which is returned."""
+    """Move a file or directory that cannot take its place to a free name beside it, which is
+    returned.
+    """
     for n in count():
         added = f".kept{n or ''}{place.suffix}"
         aside = place.with_name(shorten_name(place.stem, len(os.fsencode(added))) + added)
@@ -319,7 +355,9 @@ def conflict_error(path: Path, changed: bool, kept: Sequence[Path]) -> MotionErr
     """The error where something came, or changed, in the place of a result."""
     how = "was changed or replaced" if changed else "was put there by something else"
     where = " and ".join(map(str, kept))
-    return MotionError(f"{path} {how} while this ran, and is left as it is; the result is kept in {where}")
+    return MotionError(
+        f"{path} {how} while this ran, and is left as it is; the result is kept in {where}"
+    )
 
 
 def stamp(path: Path) -> Stamp:

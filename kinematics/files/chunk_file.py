@@ -10,9 +10,9 @@
         uint32    CRC-32 of the 20 bytes before
         contents
 
-All numbers are little-endian. The first chunk is the HEAD, a JSON object with `kind` and `schema` of
-the contents. The last chunk is the MARK, a JSON object with the totals and `"complete": true`. A file
-without it was cut, and is refused.
+All numbers are little-endian. The first chunk is the HEAD, a JSON object with `kind` and `schema`
+of the contents. The last chunk is the MARK, a JSON object with the totals and `"complete": true`. A
+file without it was cut, and is refused.
 
 A chunk has at most 2²⁸ bytes of contents.
 """
@@ -97,7 +97,9 @@ class ChunkWriter:
     def add(self, kind: str, contents: bytes) -> None:
         """Write a chunk."""
         if len(contents) > MAX_CONTENTS:
-            raise MotionError(f"a chunk of {len(contents)} bytes: write parts of at most {MAX_CONTENTS}")
+            raise MotionError(
+                f"a chunk of {len(contents)} bytes: write parts of at most {MAX_CONTENTS}"
+            )
         header = HEADER.pack(kind.encode("ascii"), self._number, len(contents), crc32(contents))
         self._file.write(header + CHECKSUM.pack(crc32(header)))
         self._file.write(contents)
@@ -123,8 +125,8 @@ def open_chunks(
 ) -> ChunkFile:
     """Find the chunks of a complete file of a kind; their contents are read later, one by one.
 
-    chunk_kinds: kinds that the chunks between HEAD and MARK may have. Raises FileError for a file of
-    another kind or version, one that is not complete, and one that cannot be opened.
+    chunk_kinds: kinds that the chunks between HEAD and MARK may have. Raises FileError for a file
+    of another kind or version, one that is not complete, and one that cannot be opened.
     """
     place = Path(path)
     try:
@@ -162,7 +164,9 @@ def open_chunks(
 def _read_start(file: BinaryIO, place: Path) -> None:
     start = file.read(START.size)
     if start[: len(SIGNATURE)] != SIGNATURE[: len(start)]:
-        raise _refusal(place, f"is not a binary file of pulsepath: it begins with {start[:8]!r}", "give one")
+        raise _refusal(
+            place, f"is not a binary file of pulsepath: it begins with {start[:8]!r}", "give one"
+        )
     if len(start) < START.size:
         raise _refusal(place, f"is cut at byte {len(start)}, before its first chunk", AGAIN)
     version = START.unpack(start)[1]
@@ -180,7 +184,10 @@ def _check_head(head: Mapping[str, Any], kind: str, schema: int, place: Path) ->
 
 
 def _scan(file: BinaryIO, size: int) -> tuple[list[Chunk], str]:
-    """Find the chunks by their headers. Return them, and why there are no more if that is a fault."""
+    """Find the chunks by their headers.
+
+    Return them, and why there are no more if that is a fault.
+    """
     chunks: list[Chunk] = []
     at = START.size
     while at < size:
@@ -194,10 +201,16 @@ def _scan(file: BinaryIO, size: int) -> tuple[list[Chunk], str]:
         if number != len(chunks):
             return chunks, f"has chunk {number} at byte {at}, where chunk {len(chunks)} should be"
         if length > MAX_CONTENTS:
-            return chunks, f"states {length} bytes for chunk {number}, and a chunk has at most {MAX_CONTENTS}"
+            return (
+                chunks,
+                f"states {length} bytes for chunk {number}, and a chunk has at most {MAX_CONTENTS}",
+            )
         chunk = Chunk(kind.decode("ascii", "replace"), number, at + HEADER_BYTES, length, checksum)
         if chunk.end > size:
-            return chunks, f"is cut at byte {size}, within chunk {number}, which ends at byte {chunk.end}"
+            return (
+                chunks,
+                f"is cut at byte {size}, within chunk {number}, which ends at byte {chunk.end}",
+            )
         chunks.append(chunk)
         at = chunk.end
     return chunks, ""
@@ -213,26 +226,40 @@ def _read_contents(file: BinaryIO, chunk: Chunk, place: Path) -> bytes:
 
 
 def read_integer(value: object, least: int = -MAX_INTEGER, most: int = MAX_INTEGER) -> int:
-    """Return a whole number of a record, as JSON has it. Raises ValueError for anything else, and out of its range."""
+    """Return a whole number of a record, as JSON has it.
+
+    Raises ValueError for anything else, and out of its range.
+    """
     if type(value) is not int or not least <= value <= most:
         raise ValueError(f"{_shorten(value)} is no whole number from {least} to {most}")
     return value
 
 
 def read_number(value: object, least: float = -inf) -> float:
-    """Return a finite number of a record, as JSON has it. Raises ValueError for anything else, and below `least`."""
+    """Return a finite number of a record, as JSON has it.
+
+    Raises ValueError for anything else, and below `least`.
+    """
     if type(value) is float or (type(value) is int and abs(value) <= MAX_INTEGER):
         number = float(value)
         if isfinite(number) and number >= least:
             return number
-    raise ValueError(f"{_shorten(value)} is no finite number{f' from {least:g} on' if isfinite(least) else ''}")
+    raise ValueError(
+        f"{_shorten(value)} is no finite number{f' from {least:g} on' if isfinite(least) else ''}"
+    )
 
 
 def _shorten(value: object) -> str:
-    """Return a value for a message: an integer of many digits, and a deep list, have no text that can be read."""
+    """Return a value for a message: an integer of many digits, and a deep list, have no text that
+    can be read.
+    """
     if type(value) is int and abs(value) > MAX_INTEGER:
         return "an integer beyond 63 bits"
-    return f"{value!r:.60}" if isinstance(value, str | int | float | None) else f"a {type(value).__name__}"
+    return (
+        f"{value!r:.60}"
+        if isinstance(value, str | int | float | None)
+        else f"a {type(value).__name__}"
+    )
 
 
 def _encode_record(record: Mapping[str, Any]) -> bytes:
@@ -243,7 +270,9 @@ def _read_record(file: BinaryIO, chunk: Chunk, place: Path) -> Mapping[str, Any]
     try:
         record = json.loads(_read_contents(file, chunk, place))
     except (ValueError, RecursionError) as error:
-        raise _refusal(place, f"chunk {chunk.number} ({chunk.kind}) is no JSON: {error}", AGAIN) from None
+        raise _refusal(
+            place, f"chunk {chunk.number} ({chunk.kind}) is no JSON: {error}", AGAIN
+        ) from None
     if not isinstance(record, dict):
         raise _refusal(place, f"chunk {chunk.number} ({chunk.kind}) is not a JSON object", AGAIN)
     return record

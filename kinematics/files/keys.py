@@ -1,9 +1,10 @@
-"""One declaration for each key of a file: its annotation says what it takes, `key` what it means and how it may look.
+"""One declaration for each key of a file: its annotation says what it takes, `key` what it means
+and how it may look.
 
 Reader, writer, file to start from and reference page are derived from it.
 
-In a file to start from, a line that begins with # and no blank is a key, or a table, that may be given: without its #
-it is one.
+In a file to start from, a line that begins with # and no blank is a key, or a table, that may be
+given: without its # it is one.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,7 +19,13 @@ from pydantic import BaseModel, Field, GetCoreSchemaHandler, TypeAdapter, Valida
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
-from kinematics.files.toml_document import format_decimal, format_quantity, format_rows, format_toml, quote
+from kinematics.files.toml_document import (
+    format_decimal,
+    format_quantity,
+    format_rows,
+    format_toml,
+    quote,
+)
 from kinematics.foundation.units import Unit
 
 MAX_LINE_CHARS, COMMENT_COLUMN, MAX_ROW_CHARS = 120, 40, 88
@@ -45,7 +52,13 @@ def key(
     instead  keys that it takes the place of;  needs  keys that have to be there with it
     """
     more: dict[str, Any] = {"remedy": remedy, "instead": list(instead), "needs": list(needs)}
-    return Field(default, alias=alias, description=about, examples=[example] * bool(example), json_schema_extra=more)
+    return Field(
+        default,
+        alias=alias,
+        description=about,
+        examples=[example] * bool(example),
+        json_schema_extra=more,
+    )
 
 
 def remedy_of(field: FieldInfo) -> str:
@@ -59,13 +72,19 @@ def _extra(field: FieldInfo) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """Annotation of a value whose own shape says which type it has to fit: `pick` maps the raw value to that type."""
+    """Annotation of a value whose own shape says which type it has to fit: `pick` maps the raw
+    value to that type.
+    """
 
     pick: Callable[[Any], Any]
 
-    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         def validate(value: object, info: ValidationInfo) -> Any:
-            return _adapter(self.pick(value)).validate_python(value, strict=True, context=info.context)
+            return _adapter(self.pick(value)).validate_python(
+                value, strict=True, context=info.context
+            )
 
         return core_schema.with_info_plain_validator_function(validate)
 
@@ -73,15 +92,21 @@ class Chosen:
 _adapter = cache(TypeAdapter[Any])
 
 
-def format_entries(table: type[BaseModel], values: Mapping[str, Any], rows: bool = False) -> Iterator[tuple[str, str]]:
-    """Key and text of the values of a table, in their order, as its schema reads them; of None nothing.
+def format_entries(
+    table: type[BaseModel], values: Mapping[str, Any], rows: bool = False
+) -> Iterator[tuple[str, str]]:
+    """Key and text of the values of a table, in their order, as its schema reads them; of None
+    nothing.
 
     rows  arrays of arrays have each of these on a line of its own
     """
     fields = _fields_of(table)
     for name, value in values.items():
         if value is not None:
-            yield name, format_value(fields[name].annotation, _tuples(value), fields[name].metadata, rows)
+            yield (
+                name,
+                format_value(fields[name].annotation, _tuples(value), fields[name].metadata, rows),
+            )
 
 
 @cache
@@ -100,7 +125,9 @@ def format_value(kind: Any, value: Any, marks: Sequence[Any] = (), rows: bool = 
         if isinstance(mark, Unit):
             return _format_number(mark, value)
     if NoneType in get_args(kind):
-        return format_value(next(part for part in get_args(kind) if part is not NoneType), value, rows=rows)
+        return format_value(
+            next(part for part in get_args(kind) if part is not NoneType), value, rows=rows
+        )
     if isinstance(value, str):
         return quote(value)
     if isinstance(value, Mapping):
@@ -114,7 +141,9 @@ def format_value(kind: Any, value: Any, marks: Sequence[Any] = (), rows: bool = 
         kinds = get_args(kind) or (None, ...)
         kinds = kinds[:1] * len(value) if kinds[-1] is ... else kinds
         texts = [format_value(part, entry) for part, entry in zip(kinds, value, strict=True)]
-        return format_rows(texts) if rows and isinstance(value[0], tuple) else f"[{', '.join(texts)}]"
+        return (
+            format_rows(texts) if rows and isinstance(value[0], tuple) else f"[{', '.join(texts)}]"
+        )
     return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
@@ -150,7 +179,9 @@ class Key:
         given = value is not None
         about = self.about
         if not given and self.instead:
-            some = self.instead if len(self.instead) <= 3 else (self.instead[0], "…", self.instead[-1])
+            some = (
+                self.instead if len(self.instead) <= 3 else (self.instead[0], "…", self.instead[-1])
+            )
             about += f"; instead of {', '.join(some)}"
         if not given and self.needs:
             about += f"; with {', '.join(self.needs)}"
@@ -175,12 +206,16 @@ def wrap_comment(text: str) -> list[str]:
 
 
 def keys_of(*tables: type[BaseModel], own_first: bool = False) -> list[Key]:
-    """The keys that a schema declares, in order: what it inherits first, or what it declares itself.
+    """The keys that a schema declares, in order: what it inherits first, or what it declares
+    itself.
 
-    Of several schemas, of which a file has one, the keys of each before those that they share; the keys of one take the
-    place of those of the others.
+    Of several schemas, of which a file has one, the keys of each before those that they share; the
+    keys of one take the place of those of the others.
     """
-    found = [{one.name: one for one in map(_declaration(table), _order(table, own_first))} for table in tables] or [{}]
+    found = [
+        {one.name: one for one in map(_declaration(table), _order(table, own_first))}
+        for table in tables
+    ] or [{}]
     shared = [name for name in found[0] if all(name in each for each in found)]
     own = [[name for name in each if name not in shared] for each in found]
     keys = []
@@ -204,7 +239,12 @@ def _declaration(table: type[BaseModel]) -> Callable[[str], Key]:
 
 def _order(table: type[BaseModel], own_first: bool) -> list[str]:
     """Names of the fields."""
-    inherited = [name for base in table.__mro__[1:2] if issubclass(base, BaseModel) for name in base.model_fields]
+    inherited = [
+        name
+        for base in table.__mro__[1:2]
+        if issubclass(base, BaseModel)
+        for name in base.model_fields
+    ]
     if not own_first or not inherited:
         return list(table.model_fields)
     own = [name for name in table.model_fields if name not in inherited]
@@ -248,8 +288,12 @@ def _nested_lines(header: str, values: Mapping[str, Any]) -> Iterator[str]:
     yield from (f"{name} = {format_toml(value)}" for name, value in values.items())
 
 
-def table_lines(header: str, keys: Sequence[Key], data: Mapping[str, Any] | None, about: str = "") -> Iterator[str]:
-    """A table by its header, such as "[axes]", its keys in order; of one that is not given (None) all as comments."""
+def table_lines(
+    header: str, keys: Sequence[Key], data: Mapping[str, Any] | None, about: str = ""
+) -> Iterator[str]:
+    """A table by its header, such as "[axes]", its keys in order; of one that is not given (None)
+    all as comments.
+    """
     yield from ("", *([f"# {about}"] if about else []))
     if header:
         yield f"{'#' if data is None else ''}{header}"

@@ -12,14 +12,18 @@ SUFFIX = ".staged"
 NEW, OLD = "new", "old"
 """In a staged directory: what is made, and what stood in the place and is about to be replaced."""
 MARK = ".pulsepath"
-"""In a staged directory, a file that says whose it is: nothing without it is ever removed, unless it is empty."""
+"""In a staged directory, a file that says whose it is: nothing without it is ever removed, unless
+it is empty.
+"""
 MAX_NAME = 255
 """Bytes of a file's name that file systems take."""
 _NAME = re.compile(rf"\.(.+)-\w{{8}}{re.escape(SUFFIX)}")
 
 
 def shorten_name(name: str, added: int) -> str:
-    """Return a name with room for further bytes: the same if it is short, else its beginning and its checksum."""
+    """Return a name with room for further bytes: the same if it is short, else its beginning and
+    its checksum.
+    """
     encoded = os.fsencode(name)
     if len(encoded) + added <= MAX_NAME:
         return name
@@ -29,7 +33,9 @@ def shorten_name(name: str, added: int) -> str:
 
 
 def clear(folder: Path) -> None:
-    """Remove the remains of killed runs in a folder: only marked ones, and where a lock shows that they are dead."""
+    """Remove the remains of killed runs in a folder: only marked ones, and where a lock shows that
+    they are dead.
+    """
     try:
         names = [entry.name for entry in folder.iterdir()]
     except OSError:
@@ -49,11 +55,16 @@ def clear(folder: Path) -> None:
 
 
 def write_mark(made: Path, place: Path) -> None:
-    """Mark a staged directory as ours. The mark has the name of its place if the directory's own name shortens it."""
+    """Mark a staged directory as ours.
+
+    The mark has the name of its place if the directory's own name shortens it.
+    """
     mark = made / MARK
     mark.touch()
     if not made.name.startswith(f".{place.name}-"):
-        with suppress(OSError):  # on a full disk what stood in the place would return under the short name
+        with suppress(
+            OSError
+        ):  # on a full disk what stood in the place would return under the short name
             mark.write_bytes(os.fsencode(place.name))
 
 
@@ -67,10 +78,15 @@ def _read_place(made: Path) -> str:
 
 
 def end(made: Path, place: Path) -> None:
-    """Remove a staged directory; what stood in the place returns to it if nothing else has come there."""
+    """Remove a staged directory; what stood in the place returns to it if nothing else has come
+    there.
+    """
     if (made / OLD).exists() and not os.path.lexists(place):
         (made / OLD).rename(place)
-    for part in (NEW, OLD):  # before the mark: who is killed here leaves what the next run still knows for ours
+    for part in (
+        NEW,
+        OLD,
+    ):  # before the mark: who is killed here leaves what the next run still knows for ours
         shutil.rmtree(made / part, ignore_errors=True)
     shutil.rmtree(made, ignore_errors=True)
 

@@ -1,10 +1,16 @@
-"""Text from files and from users as it is shown: nothing in it that a terminal or a browser would obey."""
+"""Text from files and from users as it is shown: nothing in it that a terminal or a browser would
+obey.
+"""
 
 import re
 from math import isfinite
 
-_OBEYED = "\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff"
-"""C0 but tab and line feed, DEL, C1, marks and overrides of direction, separators of lines, halves of characters."""
+_OBEYED = (
+    "\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff"
+)
+"""C0 but tab and line feed, DEL, C1, marks and overrides of direction, separators of lines, halves
+of characters.
+"""
 _IN_TEXT, _IN_LINE = re.compile(f"[{_OBEYED}]"), re.compile(f"[{_OBEYED}\t\n]")
 
 
@@ -29,7 +35,9 @@ def plain_json(text: str) -> str:
 
 
 def describe_control_character(text: str) -> str | None:
-    """What to say of a text with a character that would be obeyed, of the first; None where there is none."""
+    """What to say of a text with a character that would be obeyed, of the first; None where there
+    is none.
+    """
     found = _IN_TEXT.search(text)
     if found is None:
         return None

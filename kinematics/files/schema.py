@@ -1,12 +1,16 @@
-"""Schemas of files: typed tables, and every fault of a document in one pass, in words that bring the remedy.
+"""Schemas of files: typed tables, and every fault of a document in one pass, in words that bring
+the remedy.
 
-A file's schema is a `TableSchema` whose fields say what they accept and mean, so that it reads like the file:
+A file's schema is a `TableSchema` whose fields say what they accept and mean, so that it reads like
+the file:
 
     class Leg(TableSchema):
         travel: tuple[Length, Length] = key("from home", '["0 mm", "50 mm"]')
-        max_speed: Annotated[float, Unit("m/s", above=0)] | None = key("unlimited if not stated", '"20 mm/s"', None)
+        max_speed: Annotated[float, Unit("m/s", above=0)] | None = key("unlimited if not stated",
+        '"20 mm/s"', None)
 
-A file of one kind that is given for another is called what it is: each kind has keys that no other has.
+A file of one kind that is given for another is called what it is: each kind has keys that no other
+has.
 """
 
 import re
@@ -49,8 +53,14 @@ _INPUT_HINTS = {
 
 
 def describe_wrong_kind(data: Mapping[str, Any], wanted: str) -> str:
-    """What to say of data that has no key of the kind wanted and some of just one other; else empty."""
-    found = {what: present for what, keys in KIND_KEYS.items() if (present := [key for key in keys if key in data])}
+    """What to say of data that has no key of the kind wanted and some of just one other; else
+    empty.
+    """
+    found = {
+        what: present
+        for what, keys in KIND_KEYS.items()
+        if (present := [key for key in keys if key in data])
+    }
     if wanted not in KIND_KEYS or wanted in found or len(found) != 1:
         return ""
     ((what, keys),) = found.items()
@@ -59,7 +69,9 @@ def describe_wrong_kind(data: Mapping[str, Any], wanted: str) -> str:
 
 
 class TableSchema(BaseModel):
-    """A table of a file: every key known and of its exact type, else a fault that names the nearest or the remedy."""
+    """A table of a file: every key known and of its exact type, else a fault that names the nearest
+    or the remedy.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
@@ -74,7 +86,9 @@ class TableSchema(BaseModel):
 
     @classmethod
     def _explain_error(cls, error: ErrorDetails) -> InitErrorDetails:
-        """The error in words that only its own table can find, since only it knows its keys; outer tables keep them."""
+        """The error in words that only its own table can find, since only it knows its keys; outer
+        tables keep them.
+        """
         keys = {field.alias or name: field for name, field in cls.model_fields.items()}
         last, value = str(error["loc"][-1]) if error["loc"] else "", error["input"]
         told = BadValue("")
@@ -84,17 +98,25 @@ class TableSchema(BaseModel):
             case "fault":
                 told = BadValue(**error["ctx"])
                 if not isinstance(value, dict) and describe_value(value) not in str(told):
-                    told = BadValue(f"{describe_value(value)}: {told}", allowed=told.allowed, nearest=told.nearest)
+                    told = BadValue(
+                        f"{describe_value(value)}: {told}",
+                        allowed=told.allowed,
+                        nearest=told.nearest,
+                    )
             case "extra_forbidden":
                 message = f"{_UNKNOWN}{nearest(last, keys)}; valid keys: {', '.join(keys)}"
                 told = BadValue(message, allowed=", ".join(keys), nearest=closest(last, keys))
             case "missing" if last in keys:
-                example = remedy_of(keys[last]) or _example(last, keys[last].annotation, keys[last].metadata)
+                example = remedy_of(keys[last]) or _example(
+                    last, keys[last].annotation, keys[last].metadata
+                )
                 told = BadValue(": ".join(filter(None, ["missing", example])), allowed=example)
             case "too_short" | "too_long" as kind:
                 count = error["ctx"]["min_length" if kind == "too_short" else "max_length"]
                 message = f"{describe_value(value)} has {count_noun(len(value), 'entry')} instead of {count}"
-                told = BadValue(f"{message}{_show(keys, error['loc'])}", allowed=count_noun(count, "entry"))
+                told = BadValue(
+                    f"{message}{_show(keys, error['loc'])}", allowed=count_noun(count, "entry")
+                )
             case "literal_error":
                 expected = error["ctx"]["expected"].replace("'", '"')
                 choices = re.findall('"(.*?)"', expected)
@@ -102,10 +124,14 @@ class TableSchema(BaseModel):
                 if expected == "1" and isinstance(value, int) and value > 1:
                     message = f"{value} is newer than this version of pulsepath, which reads schema = 1: update it"
                 told = BadValue(message, allowed=expected, nearest=closest(str(value), choices))
-            case "tuple_type" if isinstance(value, dict) and last in keys and (example := _number_array(keys[last])):
+            case "tuple_type" if (
+                isinstance(value, dict) and last in keys and (example := _number_array(keys[last]))
+            ):
                 told = BadValue(f"is a table, and an array is asked for: write {last} = {example}")
             case "tuple_type" if isinstance(value, dict):
-                told = BadValue(f"is one table, and an array of them is asked for: write [[{last}]]")
+                told = BadValue(
+                    f"is one table, and an array of them is asked for: write [[{last}]]"
+                )
             case "model_type" | "tuple_type" as kind:
                 what = "a table" if kind == "model_type" else "an array"
                 told = BadValue(f"{describe_value(value)} is not {what}{_show(keys, error['loc'])}")
@@ -113,26 +139,43 @@ class TableSchema(BaseModel):
                 allowed = f"{_BOUNDS[kind]} {next(iter(error['ctx'].values())):g}"
                 told = BadValue(f"{describe_value(value)} must be {allowed}", allowed=allowed)
             case kind if kind in _TYPES:
-                message = f"{describe_value(value)} is not {_TYPES[kind]}{_show(keys, error['loc'])}"
+                message = (
+                    f"{describe_value(value)} is not {_TYPES[kind]}{_show(keys, error['loc'])}"
+                )
                 told = BadValue(message, allowed=_TYPES[kind])
             case _:
-                told = BadValue(f"{describe_value(value)}: {error['msg'][0].lower()}{error['msg'][1:]}")
+                told = BadValue(
+                    f"{describe_value(value)}: {error['msg'][0].lower()}{error['msg'][1:]}"
+                )
         return {"type": validation_error(told, "explained"), "loc": error["loc"], "input": value}
 
 
 def _join_missing(errors: Sequence[ErrorDetails]) -> Iterator[ErrorDetails]:
     """The errors, with one of an array that is too short, not one of each entry that it lacks."""
-    lacks = [e["type"] == "missing" and bool(e["loc"]) and isinstance(e["loc"][-1], int) for e in errors]
-    most = {e["loc"][:-1]: int(e["loc"][-1]) + 1 for e, lacking in zip(errors, lacks, strict=True) if lacking}
+    lacks = [
+        e["type"] == "missing" and bool(e["loc"]) and isinstance(e["loc"][-1], int) for e in errors
+    ]
+    most = {
+        e["loc"][:-1]: int(e["loc"][-1]) + 1
+        for e, lacking in zip(errors, lacks, strict=True)
+        if lacking
+    }
     for error, lacking in zip(errors, lacks, strict=True):
         if not lacking:
             yield error
         elif (count := most.pop(error["loc"][:-1], None)) is not None:
-            yield {**error, "type": "too_short", "loc": error["loc"][:-1], "ctx": {"min_length": count}}
+            yield {
+                **error,
+                "type": "too_short",
+                "loc": error["loc"][:-1],
+                "ctx": {"min_length": count},
+            }
 
 
 def _show(keys: Mapping[str, FieldInfo], loc: Key) -> str:
-    """What the key's declaration says of how it may look, to go behind what is wrong with it; empty: nothing."""
+    """What the key's declaration says of how it may look, to go behind what is wrong with it;
+    empty: nothing.
+    """
     field = keys.get(str(loc[0])) if loc else None
     if field is None:
         return ""
@@ -174,7 +217,9 @@ class File(TableSchema):
 
     what: ClassVar[str] = ""
     places: ClassVar[Mapping[str, str]] = {}
-    version: Literal[1] = key("version of the file format", alias="schema", remedy="write schema = 1")
+    version: Literal[1] = key(
+        "version of the file format", alias="schema", remedy="write schema = 1"
+    )
 
 
 def is_name(name: str) -> bool:
@@ -200,14 +245,19 @@ Model = TypeVar("Model", bound=File)
 Rule = Callable[[dict[str, Any]], Iterable[tuple[Key, str | MotionError]]]
 
 
-def build(document: Document, model: type[Model], *rules: Rule, plain: Mapping[str, float] | None = None) -> Model:
+def build(
+    document: Document, model: type[Model], *rules: Rule, plain: Mapping[str, float] | None = None
+) -> Model:
     """The document as a model; raises FileError with every fault, in the order of the lines.
 
     rules  find what no single value shows, in the raw data: (key, message) of each fault
-    plain  SI value of a number without unit, by the name that `Unit.plain` gives (nothing: such numbers are faults)
+    plain  SI value of a number without unit, by the name that `Unit.plain` gives (nothing: such
+           numbers are faults)
     """
     refuse_wrong_kind(document, model.what)
-    faults = [document.fault(key, message) for rule in rules for key, message in rule(document.data)]
+    faults = [
+        document.fault(key, message) for rule in rules for key, message in rule(document.data)
+    ]
     try:
         made = model.model_validate(document.data, context=plain)
     except ValidationError as error:
@@ -273,8 +323,12 @@ def tables_in(kind: Any) -> Iterator[type[TableSchema]]:
 
 def require_nonzero(value: Any) -> Any:
     """Validator of a number or a vector."""
-    if not any(abs(part) >= LEAST_POSITIVE for part in (value if isinstance(value, tuple) else (value,))):
-        raise validation_error(f"must not be zero{': write e.g. [1, 0, 0]' if isinstance(value, tuple) else ''}")
+    if not any(
+        abs(part) >= LEAST_POSITIVE for part in (value if isinstance(value, tuple) else (value,))
+    ):
+        raise validation_error(
+            f"must not be zero{': write e.g. [1, 0, 0]' if isinstance(value, tuple) else ''}"
+        )
     return value
 
 
@@ -296,7 +350,9 @@ def unit_validator(unit: str) -> AfterValidator:
 
 
 def read_declared_units(data: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, float]:
-    """SI value of one plain number, per declaration in `units`; 1 for a faulty one, which is a fault of its own."""
+    """SI value of one plain number, per declaration in `units`; 1 for a faulty one, which is a
+    fault of its own.
+    """
     values = {}
     for name in units.keys() & data.keys():
         try:
@@ -307,13 +363,21 @@ def read_declared_units(data: Mapping[str, Any], units: Mapping[str, str]) -> di
 
 
 def one_of_tables(*tables: type[TableSchema]) -> Chosen:
-    """Annotation of a table that is exactly one of the given: the one whose own keys (in no other) are present."""
+    """Annotation of a table that is exactly one of the given: the one whose own keys (in no other)
+    are present.
+    """
     counts = Counter(key for table in tables for key in table.model_fields)
     own = {table: [key for key in table.model_fields if counts[key] == 1] for table in tables}
 
     def pick(value: Any) -> type[TableSchema]:
-        given = list(value) if isinstance(value, dict) else own[tables[0]]  # what is no table fits none, and is told so
-        present = {table: found for table, keys in own.items() if (found := [key for key in given if key in keys])}
+        given = (
+            list(value) if isinstance(value, dict) else own[tables[0]]
+        )  # what is no table fits none, and is told so
+        present = {
+            table: found
+            for table, keys in own.items()
+            if (found := [key for key in given if key in keys])
+        }
         if len(present) == 1:
             return next(iter(present))
         asked = " or ".join(", ".join(keys) for keys in own.values())
@@ -321,8 +385,12 @@ def one_of_tables(*tables: type[TableSchema]) -> Chosen:
             clash = " and ".join(", ".join(keys) for keys in present.values())
             raise validation_error(f"{clash} exclude each other: give {asked}")
         unknown = [key for key in given if key not in counts][:1]
-        odd = "".join(f"; unknown key {describe_value(key)}{nearest(key, counts)}" for key in unknown)
+        odd = "".join(
+            f"; unknown key {describe_value(key)}{nearest(key, counts)}" for key in unknown
+        )
         near = "".join(closest(key, counts) for key in unknown)
-        raise validation_error(BadValue(f"incomplete: give {asked}{odd}", allowed=asked, nearest=near))
+        raise validation_error(
+            BadValue(f"incomplete: give {asked}{odd}", allowed=asked, nearest=near)
+        )
 
     return Chosen(pick)

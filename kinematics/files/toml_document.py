@@ -1,7 +1,8 @@
-"""TOML files: their data, with the line on which each key stands, which tomllib itself does not keep.
+"""TOML files: their data, with the line on which each key stands, which tomllib itself does not
+keep.
 
-Text is bounded, and what is no text is told what it is. Values in SI are written so that they are read back as the same
-floats.
+Text is bounded, and what is no text is told what it is. Values in SI are written so that they are
+read back as the same floats.
 """
 
 import re
@@ -30,7 +31,10 @@ _BYTES_PER_NUL = 3
 
 
 def bytes_of(source: Path | Traversable, most: int) -> bytes:
-    """All of a file of at most so many bytes. Raises FileError for one that is missing, unreadable or larger."""
+    """All of a file of at most so many bytes.
+
+    Raises FileError for one that is missing, unreadable or larger.
+    """
     file = str(source)
     try:
         with source.open("rb") as stream:
@@ -43,15 +47,23 @@ def bytes_of(source: Path | Traversable, most: int) -> bytes:
 
 
 def unreadable_error(source: Path | Traversable, error: OSError | ValueError) -> FileError:
-    """What to raise of a file that cannot be opened; of one that is missing, with the nearest that is there."""
+    """What to raise of a file that cannot be opened; of one that is missing, with the nearest that
+    is there.
+    """
     told = getattr(error, "strerror", None) or str(error)
-    near = _suggest_file(source) if isinstance(error, FileNotFoundError) and isinstance(source, Path) else ""
+    near = (
+        _suggest_file(source)
+        if isinstance(error, FileNotFoundError) and isinstance(source, Path)
+        else ""
+    )
     return FileError(str(source), [Fault("", f"{told}{near}")])
 
 
 def refuse_utf16(file: str, raw: bytes) -> None:
     """Raise FileError for text that has two bytes for every letter."""
-    if raw[:2] in _MARKS or (len(raw) > 2 * _BYTES_PER_NUL and raw.count(b"\0") * _BYTES_PER_NUL >= len(raw)):
+    if raw[:2] in _MARKS or (
+        len(raw) > 2 * _BYTES_PER_NUL and raw.count(b"\0") * _BYTES_PER_NUL >= len(raw)
+    ):
         raise FileError(file, [Fault("", "UTF-16 text: save it as UTF-8", 1)])
 
 
@@ -60,14 +72,18 @@ def utf8_fault(raw: bytes, error: UnicodeDecodeError) -> Fault:
     if b"\0" in raw:  # which no text has
         return Fault("", "a binary file, as of an image or a program: give a text file", 1)
     wrong = f"byte 0x{raw[error.start]:02x}"
-    return Fault("", f"not UTF-8 text ({wrong}): save it as UTF-8", raw.count(b"\n", 0, error.start) + 1)
+    return Fault(
+        "", f"not UTF-8 text ({wrong}): save it as UTF-8", raw.count(b"\n", 0, error.start) + 1
+    )
 
 
 def _suggest_file(path: Path) -> str:
     """The clause that names the nearest name in the folder of a file that is not there."""
     if not path.parent.is_dir():
         return f": there is no folder {path.parent}"
-    there = {entry.stem: entry.name for entry in path.parent.iterdir() if entry.suffix == path.suffix}
+    there = {
+        entry.stem: entry.name for entry in path.parent.iterdir() if entry.suffix == path.suffix
+    }
     near = closest(path.stem, there)
     return f', nearest is "{there[near]}"' if near else ""
 
@@ -87,18 +103,27 @@ class Document:
     lines: Mapping[Key, int]
 
     def line(self, key: Key) -> int:
-        """The line of a key, else of the nearest table or array around it; the first of what is not there."""
+        """The line of a key, else of the nearest table or array around it; the first of what is not
+        there.
+        """
         while key and key not in self.lines:
             key = key[:-1]
         return self.lines.get(key, 1)
 
     def fault(self, key: Key, told: str | MotionError) -> Fault:
-        """What is wrong at a key, with its line; the key path counts arrays from 1, as "segment 2" does elsewhere."""
+        """What is wrong at a key, with its line; the key path counts arrays from 1, as "segment 2"
+        does elsewhere.
+        """
         names = (
-            f"[{k + 1}]" if isinstance(k, int) else f".{k if _BARE.fullmatch(k) else describe_value(k)}" for k in key
+            f"[{k + 1}]"
+            if isinstance(k, int)
+            else f".{k if _BARE.fullmatch(k) else describe_value(k)}"
+            for k in key
         )
         known = (told.allowed, told.nearest) if isinstance(told, BadValue) else ()
-        return Fault("".join(names).removeprefix("."), str(told), self.line(key), self._written(key), *known)
+        return Fault(
+            "".join(names).removeprefix("."), str(told), self.line(key), self._written(key), *known
+        )
 
     def _written(self, key: Key) -> Any:
         """The value of a key, None for what is not there."""
@@ -112,15 +137,20 @@ class Document:
 
 
 def unify_line_ends(text: str) -> str:
-    """Return a text with \\n for CR LF, and for CR CR LF, which a transfer in text mode makes of it.
+    """Return a text with \\n for CR LF, and for CR CR LF, which a transfer in text mode makes of
+    it.
 
-    tomllib replaces CR LF once more, and the text that it accepts must be the text whose lines are counted.
+    tomllib replaces CR LF once more, and the text that it accepts must be the text whose lines are
+    counted.
     """
     return re.sub(r"\r+\n", "\n", text) if "\r" in text else text
 
 
 def read(source: Path | Traversable) -> Document:
-    """The document in a file. Raises FileError: missing, unreadable, too large, not UTF-8, not TOML (with its line)."""
+    """The document in a file.
+
+    Raises FileError: missing, unreadable, too large, not UTF-8, not TOML (with its line).
+    """
     file = str(source)
     raw = bytes_of(source, MAX_BYTES)
     refuse_utf16(file, raw)
@@ -142,7 +172,9 @@ def read(source: Path | Traversable) -> Document:
 
 
 def _find_controls(value: Any, key: Key) -> Iterator[tuple[Key, str]]:
-    """Keys and texts with a character that no name has, and a terminal would obey; with what to say of it."""
+    """Keys and texts with a character that no name has, and a terminal would obey; with what to say
+    of it.
+    """
     match value:
         case str() if told := describe_control_character(value):
             yield key, told
@@ -174,10 +206,14 @@ _DECIMAL_COMMA = re.compile(r"\d,\d")
 
 
 def _toml_fault(text: str, error: str) -> Fault:
-    """The fault of text that is no TOML: with the line that the parser stopped in, behind which it looks at nothing."""
+    """The fault of text that is no TOML: with the line that the parser stopped in, behind which it
+    looks at nothing.
+    """
     place = re.search(r" \(at (?:line (\d+), (column \d+)|end of document)\)$", error)
     said = error[: place.start()] if place else error
-    meant = next((meaning for begin, meaning in _PARSER_MEANINGS.items() if said.startswith(begin)), said)
+    meant = next(
+        (meaning for begin, meaning in _PARSER_MEANINGS.items() if said.startswith(begin)), said
+    )
     long = re.search(r"\d{4301}", text)
     at = text.count("\n", 0, long.start()) + 1 if long and not place else text.count("\n") + 1
     line = int(place[1]) if place and place[1] else at
@@ -196,14 +232,18 @@ def _to_tuples(value: Any) -> Any:
 
 
 _SPACE = re.compile(r"(?:[ \t\n]|#[^\n]*)*")
-_STRING = re.compile(r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\])*"|\'[^\']*\'', re.DOTALL)
+_STRING = re.compile(
+    r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\])*"|\'[^\']*\'', re.DOTALL
+)
 _SCALAR = re.compile(r"[^,\]}\n#]+")
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STEP = re.compile(rf"[ \t]*({_STRING.pattern}|{_BARE.pattern})[ \t]*", re.DOTALL)
 
 
 class _Scanner:
-    """Finds the line of every key and array entry, in text that tomllib has accepted (which itself keeps no places)."""
+    """Finds the line of every key and array entry, in text that tomllib has accepted (which itself
+    keeps no places).
+    """
 
     def __init__(self, text: str) -> None:
         self.text, self.at = text, 0
@@ -225,7 +265,9 @@ class _Scanner:
         return self.lines
 
     def _table(self, steps: Key, array: bool) -> Key:
-        """The key of a header's table: every array of tables on the way stands for its newest entry."""
+        """The key of a header's table: every array of tables on the way stands for its newest
+        entry.
+        """
         key: Key = ()
         for n, step in enumerate(steps, 1):
             key += (step,)
@@ -266,7 +308,9 @@ class _Scanner:
         steps: list[str] = []
         while step := _STEP.match(self.text, self.at):
             self.at = step.end()
-            steps.append(tomllib.loads(f"step = {step[1]}")["step"] if step[1][0] in "\"'" else step[1])
+            steps.append(
+                tomllib.loads(f"step = {step[1]}")["step"] if step[1][0] in "\"'" else step[1]
+            )
             if self.text[self.at] != ".":
                 break
             self.at += 1
@@ -285,12 +329,16 @@ class _Scanner:
 
 
 def format_quantity(value: float, unit: str, power: int = 0) -> str:
-    """The shortest text of an SI value in a unit 10^power times smaller; exact, as the point only moves."""
+    """The shortest text of an SI value in a unit 10^power times smaller; exact, as the point only
+    moves.
+    """
     return f'"{format_decimal(value, power)} {unit}"'
 
 
 def quote(value: str) -> str:
-    """A string; TOML knows the escapes of JSON, but for surrogate pairs, and wants one for DEL too."""
+    """A string; TOML knows the escapes of JSON, but for surrogate pairs, and wants one for DEL
+    too.
+    """
     return dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

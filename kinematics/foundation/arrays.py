@@ -1,6 +1,8 @@
-"""The array type of the house, how numbers from outside become arrays, and how arrays become values.
+"""The array type of the house, how numbers from outside become arrays, and how arrays become
+values.
 
-How large and how small quantities may be: far beyond any machine, and well within what arithmetic can hold.
+How large and how small quantities may be: far beyond any machine, and well within what arithmetic
+can hold.
 """
 
 from collections.abc import Callable
@@ -30,24 +32,34 @@ def finite_array(
     least: float = -MAX_FLOAT,
     most: float = MAX_FLOAT,
 ) -> Array:
-    """Finite float64 from least to most, of one of the shapes (None: of any length; any shape, where none is given).
+    """Finite float64 from least to most, of one of the shapes (None: of any length; any shape,
+    where none is given).
 
-    Raises MotionError that says what was wanted: for text and other things that are no numbers, for ragged rows, for
-    NaN and infinity, and for another shape, also one that numpy would stretch.
+    Raises MotionError that says what was wanted: for text and other things that are no numbers, for
+    ragged rows, for NaN and infinity, and for another shape, also one that numpy would stretch.
     """
     array = numeric_array(values)
     fits = array is not None and (
         not shapes
         or any(
-            len(shape) == array.ndim and all(n in (None, own) for n, own in zip(shape, array.shape, strict=True))
+            len(shape) == array.ndim
+            and all(n in (None, own) for n, own in zip(shape, array.shape, strict=True))
             for shape in shapes
         )
     )
     if array is not None and fits and ((array >= least) & (array <= most)).all():
         return array
     kind = "one finite number" if shapes == ((),) else "finite numbers"
-    wanted = " or ".join("one" if shape == () else str(shape) for shape in dict.fromkeys(shapes) if shapes != ((),))
-    low = "above 0" if least == LEAST_POSITIVE else f"not below {least:g}" if least > -MAX_FLOAT else ""
+    wanted = " or ".join(
+        "one" if shape == () else str(shape) for shape in dict.fromkeys(shapes) if shapes != ((),)
+    )
+    low = (
+        "above 0"
+        if least == LEAST_POSITIVE
+        else f"not below {least:g}"
+        if least > -MAX_FLOAT
+        else ""
+    )
     bounds = " and ".join(filter(None, [low, f"at most {most:.6g}" if most < MAX_FLOAT else ""]))
     text = " ".join(repr(values).split())
     raise MotionError(
@@ -78,7 +90,10 @@ def unit_vectors(values: object, what: str, *shapes: tuple[int | None, ...]) -> 
 
 
 def freeze_array(values: ArrayLike, dtype: type | None = None) -> NDArray[Any]:
-    """A read-only, contiguous array: what a frozen dataclass may hold. Copies unless the data is read-only already."""
+    """A read-only, contiguous array: what a frozen dataclass may hold.
+
+    Copies unless the data is read-only already.
+    """
     array = np.asarray(values, dtype)
     if array.flags.writeable or not array.flags.c_contiguous:
         array = np.array(array, order="C", copy=True)
@@ -95,7 +110,9 @@ def freeze_fields(value: object, *names: str, dtype: type | None = None) -> None
 
 
 def merge_rising(*runs: NDArray[Any]) -> NDArray[Any]:
-    """The values of rising runs (…,), each once, rising: fifty times as fast for whole numbers as `numpy.unique`."""
+    """The values of rising runs (…,), each once, rising: fifty times as fast for whole numbers as
+    `numpy.unique`.
+    """
     values = np.sort(np.concatenate(runs), kind="stable")  # which finds the runs and merges them
     return values[np.append(True, values[1:] != values[:-1])] if len(values) else values
 

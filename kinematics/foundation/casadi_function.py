@@ -1,4 +1,6 @@
-"""One CasADi expression, evaluated in compiled code on batches, or walked through in guaranteed arithmetic."""
+"""One CasADi expression, evaluated in compiled code on batches, or walked through in guaranteed
+arithmetic.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,14 +19,15 @@ from kinematics.foundation.tape import Tape, make_tape, run_tape
 from kinematics.foundation.taylor_model import Series
 from kinematics.foundation.taylor_tape import enclose_tape, is_enclosable, lower_degrees
 
-# Greedy block sizes: one call of the virtual machine evaluates a whole block without leaving compiled code.
+# Greedy block sizes: one call of the virtual machine evaluates a whole block without leaving
+# compiled code.
 _BLOCKS = (256, 16, 1)
 
-# Points from which the compiled tape runs them in less time than CasADi, operations times points from which that pays
-# for making the tape, and for loading the compiler where nobody has yet.
+# Points from which the compiled tape runs them in less time than CasADi, operations times points
+# from which that pays for making the tape, and for loading the compiler where nobody has yet.
 TAPE_POINTS, TAPE_WORK, LOADING_WORK = 12, 1e5, 2e8
-# Fewer cells are enclosed by numpy if nobody has loaded the compiler. Both give the same bits, since a
-# tape runs that many cells in one block.
+# Fewer cells are enclosed by numpy if nobody has loaded the compiler. Both give the same bits,
+# since a tape runs that many cells in one block.
 FEW_CELLS = 8
 # Operations times cells of a single call from which `enclose_without_compiler` uses the compiler
 # after all: numpy would need as long as loading it takes.
@@ -50,14 +53,20 @@ def enclose_without_compiler() -> Iterator[None]:
 
 
 class Expression:
-    """A function of one column of inputs, x (k,) -> values (m,); called on (N, k) it returns (N, m).
+    """A function of one column of inputs, x (k,) -> values (m,); called on (N, k) it returns (N,
+    m).
 
-    The input is handed to CasADi as it lies in memory: time first is column-major for CasADi, so nothing is copied
-    twice. Operations are those of `kinematics.foundation.operations`; others have values alone.
+    The input is handed to CasADi as it lies in memory: time first is column-major for CasADi, so
+    nothing is copied twice. Operations are those of `kinematics.foundation.operations`; others have
+    values alone.
     """
 
     def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
-        self._set_function(rewrite(ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True})))
+        self._set_function(
+            rewrite(
+                ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True})
+            )
+        )
 
     def _set_function(self, function: ca.Function) -> None:
         self.function = function
@@ -124,7 +133,9 @@ class Expression:
         for k in range(f.n_instructions()):
             operation = f.instruction_id(k)
             constant = f.instruction_constant(k) if operation == ca.OP_CONST else 0.0
-            steps.append((operation, tuple(f.instruction_input(k)), tuple(f.instruction_output(k)), constant))
+            steps.append(
+                (operation, tuple(f.instruction_input(k)), tuple(f.instruction_output(k)), constant)
+            )
         return steps
 
     def enclose(self, x: Sequence[Series]) -> list[Series]:
@@ -135,13 +146,21 @@ class Expression:
         return self._enclose_by_walking(x, order)
 
     def enclose_columns(self, *x: Series) -> Series:
-        """The same of series (d+1, N, j) that hold the k inputs side by side: as one (order+1, N, m)."""
+        """The same of series (d+1, N, j) that hold the k inputs side by side: as one (order+1, N,
+        m).
+        """
         order, cells = min(one.order for one in x), max(one.mid.shape[1] for one in x)
         if not self._pays_to_compile(cells):
             columns = [_lower(one.cut(order)[:, k]) for one in x for k in range(one.mid.shape[2])]
             stacked = Series.stack(self._enclose_by_walking(columns, order))
-            shape = (stacked.degree + 1, cells, self.size[1])  # what is constant is so on every cell
-            return Series(np.broadcast_to(stacked.mid, shape), np.broadcast_to(stacked.rad, shape), order)
+            shape = (
+                stacked.degree + 1,
+                cells,
+                self.size[1],
+            )  # what is constant is so on every cell
+            return Series(
+                np.broadcast_to(stacked.mid, shape), np.broadcast_to(stacked.rad, shape), order
+            )
         assert self._tape is not None  # enclosable
         mid, rad = (np.zeros((self.size[0], order + 1, cells)) for _ in range(2))
         last = 0
@@ -171,7 +190,10 @@ class Expression:
         mid, rad = (np.zeros((len(x), order + 1, _cells(x))) for _ in range(2))
         degrees = np.array([min(one.degree, order) for one in x])
         for k, one in enumerate(x):
-            mid[k, : degrees[k] + 1], rad[k, : degrees[k] + 1] = one.mid[: order + 1], one.rad[: order + 1]
+            mid[k, : degrees[k] + 1], rad[k, : degrees[k] + 1] = (
+                one.mid[: order + 1],
+                one.rad[: order + 1],
+            )
         found, error = (np.zeros((self.size[1], order + 1, mid.shape[2])) for _ in range(2))
         enclose_tape(self._tape, order, degrees, mid, rad, found, error)
         return [Series(*both, order) for both in zip(found, error, strict=True)]
@@ -182,7 +204,9 @@ class Expression:
             return self.walk(x, lambda value: Series.constant(np.array([value]), order))
 
     def walk(self, x: Sequence[T], constant: Callable[[float], T]) -> list[T]:
-        """The same expression, operation by operation, in another arithmetic: k values in, m out."""
+        """The same expression, operation by operation, in another arithmetic: k values in, m
+        out.
+        """
         work: dict[int, T] = {}
         out = [constant(0.0)] * self.size[1]
         for operation, read, write, value in self._program:

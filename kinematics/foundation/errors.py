@@ -1,4 +1,6 @@
-"""Errors that are raised on purpose, from one root, and the error of a validator of a file's values."""
+"""Errors that are raised on purpose, from one root, and the error of a validator of a file's
+values.
+"""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -28,7 +30,9 @@ class MotionError(Exception):
         return _restore_error, (type(self), self.args, self.__dict__)
 
 
-def _restore_error(kind: type[MotionError], args: tuple[Any, ...], state: dict[str, Any]) -> MotionError:
+def _restore_error(
+    kind: type[MotionError], args: tuple[Any, ...], state: dict[str, Any]
+) -> MotionError:
     error = kind.__new__(kind, *args)
     error.__dict__.update(state)
     return error
@@ -79,7 +83,9 @@ class BadValue(MotionError):
     key      place in the table that was read, if it is not the whole table
     """
 
-    def __init__(self, message: str, *, allowed: str = "", nearest: str = "", key: tuple[str | int, ...] = ()) -> None:
+    def __init__(
+        self, message: str, *, allowed: str = "", nearest: str = "", key: tuple[str | int, ...] = ()
+    ) -> None:
         self.allowed, self.nearest, self.key = allowed, nearest, key
         super().__init__(message)
 
@@ -115,7 +121,8 @@ def _mask_numbers(fault: Fault) -> str:
 class FileError(MotionError):
     """A file that cannot be used; `faults` has all its errors, from one pass.
 
-    The message lists each. Of many that differ in numbers alone it lists the first, and their number.
+    The message lists each. Of many that differ in numbers alone it lists the first, and their
+    number.
     """
 
     def __init__(self, file: str, faults: Sequence[Fault]) -> None:
@@ -139,7 +146,9 @@ class FileError(MotionError):
     def describe(self, fault: Fault) -> str:
         """Return one line: file, line, key and message of a fault."""
         place = self.file if fault.line is None else f"{self.file}:{fault.line}"
-        return f"{place}: {fault.key}: {fault.message}" if fault.key else f"{place}: {fault.message}"
+        return (
+            f"{place}: {fault.key}: {fault.message}" if fault.key else f"{place}: {fault.message}"
+        )
 
 
 class NotInstalled(MotionError):
@@ -148,10 +157,18 @@ class NotInstalled(MotionError):
     extra  our extra that installs it; None: it has no wheel for this platform
     """
 
-    def __init__(self, what: str, package: str, extra: str | None = None, instead: str = "") -> None:
+    def __init__(
+        self, what: str, package: str, extra: str | None = None, instead: str = ""
+    ) -> None:
         self.package = package
-        remedy = "it has no wheel for this platform" if extra is None else f"pip install 'pulsepath[{extra}]' brings it"
-        super().__init__(f"{what} needs {package}, which is not installed: {remedy}{instead and f'; {instead}'}")
+        remedy = (
+            "it has no wheel for this platform"
+            if extra is None
+            else f"pip install 'pulsepath[{extra}]' brings it"
+        )
+        super().__init__(
+            f"{what} needs {package}, which is not installed: {remedy}{instead and f'; {instead}'}"
+        )
 
 
 class OutOfReach(MotionError):
@@ -159,7 +176,8 @@ class OutOfReach(MotionError):
 
 
 class NotFree(OutOfReach):
-    """A pose that is off home in a component that its machine does not move: no scale of the others helps.
+    """A pose that is off home in a component that its machine does not move: no scale of the others
+    helps.
 
     pose  index of the pose in the call, from 0
     """
@@ -191,7 +209,10 @@ def as_validation_error() -> Iterator[None]:
 
 
 def validation_error(reason: str | MotionError, kind: str = "fault") -> PydanticCustomError:
-    """Return the error for a validator to raise. The fault of the file gets its message and facts."""
+    """Return the error for a validator to raise.
+
+    The fault of the file gets its message and facts.
+    """
     facts = {"message": str(reason)}
     if isinstance(reason, BadValue):
         facts |= {"allowed": reason.allowed, "nearest": reason.nearest}

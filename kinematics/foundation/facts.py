@@ -43,7 +43,9 @@ def record(result: Any) -> Any:
         return finite_or_none(result) if isinstance(result, float) else result
     facts = _find_facts(cast(Hashable, type(result)))
     values = {fact: getattr(result, name) for name, fact in facts.items()}
-    return {fact.key: None if value == fact.null else record(value) for fact, value in values.items()}
+    return {
+        fact.key: None if value == fact.null else record(value) for fact, value in values.items()
+    }
 
 
 def record_fields(result: object, *names: str) -> dict[str, Any] | None:
@@ -54,14 +56,19 @@ def record_fields(result: object, *names: str) -> dict[str, Any] | None:
 
 
 def tabulate(title: str, results: Sequence[Any], *more: Column) -> tuple[Table, ...]:
-    """Return the table of results of one type, a row each, with more columns; none without results."""
+    """Return the table of results of one type, a row each, with more columns; none without
+    results.
+    """
     if not results:
         return ()
     return (Table(title, (*_list_columns(results), *more)),)
 
 
 def _list_columns(results: Sequence[Any]) -> Iterator[Column]:
-    """Yield a column for each fact with a title. A class with a method `columns` has columns of its own."""
+    """Yield a column for each fact with a title.
+
+    A class with a method `columns` has columns of its own.
+    """
     for name, fact in _find_facts(cast(Hashable, type(results[0]))).items():
         values = [getattr(result, name) for result in results]
         if hasattr(values[0], "columns"):
@@ -75,4 +82,6 @@ def _find_facts(kind: Hashable) -> dict[str, Fact]:
     """Return the facts of a dataclass by the names of their fields."""
     hints = get_type_hints(cast(Any, kind), include_extras=True)
     stated = {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
-    return {name: each for name, extras in stated.items() for each in extras if isinstance(each, Fact)}
+    return {
+        name: each for name, extras in stated.items() for each in extras if isinstance(each, Fact)
+    }

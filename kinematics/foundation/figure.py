@@ -1,4 +1,6 @@
-"""Figures that a notebook shows without pyplot, as the value of a cell: axes and the figure they are on; and bars."""
+"""Figures that a notebook shows without pyplot, as the value of a cell: axes and the figure they
+are on; and bars.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ TICK_DECADE = 8.0
 
 
 class NotebookFigure(Figure):
-    """A figure that draws itself where it is the value of a cell; pyplot does not know it, so it is shown once."""
+    """A figure that draws itself where it is the value of a cell; pyplot does not know it, so it is
+    shown once.
+    """
 
     def _repr_png_(self) -> bytes:
         buffer = BytesIO()
@@ -47,7 +51,9 @@ class NotebookAxes3D(_Shown, Axes3D):  # type: ignore[misc]  # mpl_toolkits come
 def new_axes(ax: Axes | None, size: tuple[float, float] = (9, 3.4)) -> Axes:
     """`ax`, or the axes of a new figure of so many inches. Raises MotionError for axes in space."""
     if isinstance(ax, Axes3D):
-        raise MotionError("this figure is flat, and its axes are in space; give others: plt.subplots(), or none")
+        raise MotionError(
+            "this figure is flat, and its axes are in space; give others: plt.subplots(), or none"
+        )
     return _new_figure(size).add_subplot(axes_class=NotebookAxes) if ax is None else ax
 
 
@@ -58,7 +64,9 @@ def new_axes_3d(ax: Axes3D | None, size: tuple[float, float] = (9, 5.4)) -> Axes
             "this figure is in space, and its axes are flat; give others: "
             'plt.subplots(subplot_kw={"projection": "3d"}), or none'
         )
-    return cast(Axes3D, _new_figure(size).add_subplot(axes_class=NotebookAxes3D)) if ax is None else ax
+    return (
+        cast(Axes3D, _new_figure(size).add_subplot(axes_class=NotebookAxes3D)) if ax is None else ax
+    )
 
 
 UNSEEN = "\N{ZERO WIDTH SPACE}"
@@ -66,7 +74,9 @@ UNSEEN = "\N{ZERO WIDTH SPACE}"
 
 
 SPACE_TICKS = ((0.8, 4), (0.7, 3), (0.3, 2))
-"""From which share of the longest side on, a side of axes in space has room for how many numbers; below for one."""
+"""From which share of the longest side on, a side of axes in space has room for how many numbers;
+below for one.
+"""
 CORNER = 0.08
 """Of a side: so near to its ends no number stands, since that of the next side may stand there."""
 SPACE_ZOOM = 0.86
@@ -74,14 +84,17 @@ SPACE_ZOOM = 0.86
 FLAT = 0.05
 """Share of the longest side, below which the height has no name."""
 LEAST_PAD, MOST_PAD = 3.0, 32.0
-"""Points between numbers and name of an axis, beside long sides and sides of no length: matplotlib's own are shares of
-these."""
+"""Points between numbers and name of an axis, beside long sides and sides of no length:
+matplotlib's own are shares of these.
+"""
 
 
 def label_space(ax: Axes3D) -> None:
-    """Equal scales, and numbers and names of axes in space that do not overlap; call it when the limits stand.
+    """Equal scales, and numbers and names of axes in space that do not overlap; call it when the
+    limits stand.
 
-    A side that is short beside the longest has few numbers, and one of next to no length no name: there is no room.
+    A side that is short beside the longest has few numbers, and one of next to no length no name:
+    there is no room.
     """
     limits = {name: getattr(ax, f"get_{name}lim")() for name in "xyz"}
     ax.set_box_aspect([high - low for low, high in limits.values()], zoom=SPACE_ZOOM)
@@ -116,7 +129,9 @@ def _choose_space_ticks(low: float, high: float, count: int) -> list[float]:
 
 
 def literal_label(name: str) -> str:
-    """A name as it stands: between two dollars matplotlib would read it as maths; `read_label` has it back."""
+    """A name as it stands: between two dollars matplotlib would read it as maths; `read_label` has
+    it back.
+    """
     return UNSEEN * name.startswith("_") + name.replace("$", r"\$")
 
 
@@ -126,7 +141,9 @@ def read_label(label: object) -> str:
 
 
 def unique_labels(names: Iterable[str]) -> list[str]:
-    """Names, literal, the second of a name with its number: bars of one name would lie upon each other."""
+    """Names, literal, the second of a name with its number: bars of one name would lie upon each
+    other.
+    """
     told, met = [], Counter[str]()
     for name in names:
         met[name] += 1
@@ -135,14 +152,22 @@ def unique_labels(names: Iterable[str]) -> list[str]:
 
 
 def choose_ticks(low: float, high: float) -> tuple[float, ...]:
-    """Round values of a logarithmic axis: like steps in one decade, beyond 1, 2 and 5 of each, powers over four."""
+    """Round values of a logarithmic axis: like steps in one decade, beyond 1, 2 and 5 of each,
+    powers over four.
+    """
     from matplotlib.ticker import MaxNLocator
 
     if high < TICK_DECADE * low:
-        ticks = [float(tick) for tick in MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(low, high)]
+        ticks = [
+            float(tick) for tick in MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(low, high)
+        ]
     else:
         powers = range(floor(log10(low)), ceil(log10(high)) + 1)
-        ticks = [float(f"{part}e{power}") for power in powers for part in ((1, 2, 5) if high < 1e4 * low else (1,))]
+        ticks = [
+            float(f"{part}e{power}")
+            for power in powers
+            for part in ((1, 2, 5) if high < 1e4 * low else (1,))
+        ]
     return tuple(round(tick, 9) for tick in ticks if low <= tick <= high)
 
 
@@ -164,7 +189,11 @@ def _new_figure(size: tuple[float, float]) -> Figure:
 
 
 def draw_bars(
-    names: Sequence[str], values: Sequence[float], label: str, ax: Axes | None = None, limit: float | None = None
+    names: Sequence[str],
+    values: Sequence[float],
+    label: str,
+    ax: Axes | None = None,
+    limit: float | None = None,
 ) -> Axes:
     """Lying bars, the first on top; a dashed line at the limit."""
     from matplotlib.ticker import MaxNLocator

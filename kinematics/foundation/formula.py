@@ -1,10 +1,11 @@
-"""Formulas of files: text -> a CasADi expression, by an allow-list of what may stand in them; nothing is evaluated.
+"""Formulas of files: text -> a CasADi expression, by an allow-list of what may stand in them;
+nothing is evaluated.
 
     15*cos(t) + r/2      numbers, + − * / **, signs, parentheses, pi, t, named constants
     sin cos tan asin acos atan atan2 hypot sinh cosh tanh sqrt exp log abs min max
 
-It becomes what derivatives and guaranteed enclosures know: |a| = a sign(a), max(a, b) = (a + b + |a − b|)/2,
-asin(a) = atan2(a, √(1 − a²)), powers are products, or exp and log.
+It becomes what derivatives and guaranteed enclosures know: |a| = a sign(a), max(a, b) = (a + b + |a
+− b|)/2, asin(a) = atan2(a, √(1 − a²)), powers are products, or exp and log.
 """
 
 import ast
@@ -24,7 +25,10 @@ from kinematics.foundation.units import describe_value
 MAX_CHARACTERS = 500
 """Characters of a formula."""
 MAX_DEPTH = 40
-"""Operands inside each other: in parentheses, signs, exponents and calls. A row as a + b - c, however long, is one."""
+"""Operands inside each other: in parentheses, signs, exponents and calls.
+
+A row as a + b - c, however long, is one.
+"""
 MAX_EXPONENT = 64
 """Largest exponent of what is not constant."""
 
@@ -67,17 +71,26 @@ _PRODUCT = re.compile(r"(?<![\w.])([\d.]+) *([A-Za-z]\w*)")
 
 
 def formula(
-    text: str, constants: Mapping[str, float], t: ca.SX | None = None, variables: Mapping[str, ca.SX] | None = None
+    text: str,
+    constants: Mapping[str, float],
+    t: ca.SX | None = None,
+    variables: Mapping[str, ca.SX] | None = None,
 ) -> ca.SX:
-    """The expression of a formula, of t where it is given, else it may not stand in it; and of variables by name.
+    """The expression of a formula, of t where it is given, else it may not stand in it; and of
+    variables by name.
 
-    Raises MotionError for anything that the allow-list has not, and for what is not finite or not real.
+    Raises MotionError for anything that the allow-list has not, and for what is not finite or not
+    real.
     """
     if len(text) > MAX_CHARACTERS:
-        raise MotionError(f"{describe_value(text)}: {len(text)} characters; a formula has at most {MAX_CHARACTERS}")
+        raise MotionError(
+            f"{describe_value(text)}: {len(text)} characters; a formula has at most {MAX_CHARACTERS}"
+        )
     if odd := _FORBIDDEN.search(text):
         instead = ": write ** for a power" if odd[0] == "^" else ""
-        raise MotionError(f"{describe_value(text)}: {describe_value(odd[0])} is not allowed in a formula{instead}")
+        raise MotionError(
+            f"{describe_value(text)}: {describe_value(odd[0])} is not allowed in a formula{instead}"
+        )
     text = text.strip()
     try:
         with warnings.catch_warnings():
@@ -88,7 +101,9 @@ def formula(
         paired = "" if opened == closed else f", with {opened} ( and {closed} )"
         if product := _PRODUCT.search(text):
             paired += f": a product is written {product[1]}*{product[2]}"
-        raise MotionError(f'{describe_value(text)} is no formula{paired}: write e.g. "15*cos(t)"') from None
+        raise MotionError(
+            f'{describe_value(text)} is no formula{paired}: write e.g. "15*cos(t)"'
+        ) from None
     known = {"pi": ca.SX(math.pi), **{name: ca.SX(value) for name, value in constants.items()}}
     if t is not None:
         known["t"] = t
@@ -103,7 +118,9 @@ def constant(text: str, constants: Mapping[str, float]) -> float:
 
 
 def check_names(constants: Mapping[str, float]) -> None:
-    """Raise MotionError for a constant whose name is none, or means something else already, or that is not finite."""
+    """Raise MotionError for a constant whose name is none, or means something else already, or that
+    is not finite.
+    """
     for name, value in constants.items():
         if not _NAME.fullmatch(name) or len(name) > MAX_DEPTH:
             raise MotionError(
@@ -123,7 +140,9 @@ def _build_node(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: in
             made = ca.SX(_finite(value))
         case ast.Name(id=name):
             if name not in known:
-                where = " here" if name in ("t", *_FUNCTIONS) else nearest(name, [*known, *_FUNCTIONS])
+                where = (
+                    " here" if name in ("t", *_FUNCTIONS) else nearest(name, [*known, *_FUNCTIONS])
+                )
                 near = "" if name in KNOWN_NAMES else closest(name, [*known, *_FUNCTIONS])
                 told = f"{name} is not defined{where}; known names are {', '.join(known)}"
                 raise BadValue(told, allowed=", ".join(known), nearest=near)
@@ -136,13 +155,13 @@ def _build_node(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: in
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
             count, function = _FUNCTIONS[name]
             if len(arguments) < count or (len(arguments) > count and name not in _VARIADIC):
-                raise MotionError(f"{name} takes {count_noun(count, 'argument')}, not {len(arguments)}")
+                raise MotionError(
+                    f"{name} takes {count_noun(count, 'argument')}, not {len(arguments)}"
+                )
             values = [_build_node(argument, text, known, depth + 1) for argument in arguments]
             made = function(*values)
         case ast.Call(func=ast.Name(id=name)):
-            told = (
-                f"{name[:40]}(…) is not a known function{nearest(name, _FUNCTIONS)}; there are {', '.join(_FUNCTIONS)}"
-            )
+            told = f"{name[:40]}(…) is not a known function{nearest(name, _FUNCTIONS)}; there are {', '.join(_FUNCTIONS)}"
             raise BadValue(told, allowed=", ".join(_FUNCTIONS), nearest=closest(name, _FUNCTIONS))
         case _:
             raise MotionError(
@@ -154,7 +173,9 @@ def _build_node(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: in
 
 
 def _fold_operands(node: ast.BinOp, text: str, known: Mapping[str, ca.SX], depth: int) -> ca.SX:
-    """Sums and products lean to the left in the tree, which is no nesting: their operands are worked out one by one."""
+    """Sums and products lean to the left in the tree, which is no nesting: their operands are
+    worked out one by one.
+    """
     parts: list[ast.BinOp] = []
     first: ast.expr = node
     while isinstance(first, ast.BinOp) and type(first.op) in _OPERATORS:
@@ -194,8 +215,12 @@ def _power(base: ca.SX, exponent: ca.SX) -> ca.SX:
         return ca.SX(math.nan if isinstance(value, complex) else value)
     if not exponent.is_constant():
         if not base.is_constant() or float(base) <= 0:
-            raise MotionError("a variable exponent needs a constant base above 0; write exp(b*log(a))")
+            raise MotionError(
+                "a variable exponent needs a constant base above 0; write exp(b*log(a))"
+            )
         return ca.exp(exponent * math.log(float(base)))
     if abs(float(exponent)) > MAX_EXPONENT:
-        raise MotionError(f"exponent {float(exponent):g}: at most {MAX_EXPONENT} for a variable base")
+        raise MotionError(
+            f"exponent {float(exponent):g}: at most {MAX_EXPONENT} for a variable base"
+        )
     return operations.power(base, exponent)

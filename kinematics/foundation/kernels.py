@@ -142,7 +142,9 @@ def _fit(value: Any, hint: Any, copies: list[tuple[Any, Any]]) -> Any:
         raise TypeError(f"a kernel takes an array of {dimensions} dimensions, not {np.ndim(value)}")
     target = np.dtype(np.bool_ if dtype == "boolean" else dtype)
     if not isinstance(value, np.ndarray) or not np.can_cast(value.dtype, target, "same_kind"):
-        raise TypeError(f"a kernel takes an array of {target}, not {getattr(value, 'dtype', type(value))}")
+        raise TypeError(
+            f"a kernel takes an array of {target}, not {getattr(value, 'dtype', type(value))}"
+        )
     array = np.asarray(value, target)
     is_contiguous = layout == "A" or array.flags.c_contiguous
     if not is_contiguous or (is_written and not array.flags.writeable):
@@ -201,7 +203,9 @@ def _make_dispatcher(kernel: Kernel, dispatchers: list[Any]) -> Any:
         try:
             dispatcher.compile(types)
             break
-        except Exception as error:  # of numba, LLVM, pickle or the disk: whatever a damaged file leads to
+        except (
+            Exception
+        ) as error:  # of numba, LLVM, pickle or the disk: whatever a damaged file leads to
             if dispatcher.signatures:  # compiled, but not stored
                 _LOST.append(str(error))
                 _report_lost()
@@ -304,8 +308,8 @@ def find_folder() -> Path | None:
 def find_kernel_folder(kernel: Kernel) -> Path | None:
     """Return the folder of a kernel's machine code; None if nothing can be stored.
 
-    Its name is a hash of all that enters the machine code, and of the state of the kernel's file, at
-    which numba looks too. So it holds one version: processes that write at once write the same.
+    Its name is a hash of all that enters the machine code, and of the state of the kernel's file,
+    at which numba looks too. So it holds one version: processes that write at once write the same.
     """
     root = find_folder()
     if root is None:
@@ -358,7 +362,9 @@ def _describe_value(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return [value.dtype.str, value.shape, value.tobytes()]
     if isinstance(value, ModuleType) and value not in (np, math):
-        raise TypeError(f"a kernel reads {value.__name__} as a module: import what it needs by name")
+        raise TypeError(
+            f"a kernel reads {value.__name__} as a module: import what it needs by name"
+        )
     return repr(value)
 
 
@@ -372,7 +378,13 @@ def list_dependencies() -> list[Any]:
     settings.pop("NUMBA_CACHE_DIR", None)
     libraries = [version(name) for name in ("numba", "llvmlite", "numpy", "casadi")]
     processor = [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
-    return [Path(__file__).read_bytes(), sys.version, libraries, processor, sorted(settings.items())]
+    return [
+        Path(__file__).read_bytes(),
+        sys.version,
+        libraries,
+        processor,
+        sorted(settings.items()),
+    ]
 
 
 def find_user_cache() -> Path:
@@ -399,7 +411,9 @@ def _remove_old_folders(root: Path, pattern: str) -> None:
 
 
 def _run_in_thread(kernel: Kernel) -> None:
-    """Compile a kernel in a thread, which no signal can interrupt: that is raised here meanwhile."""
+    """Compile a kernel in a thread, which no signal can interrupt: that is raised here
+    meanwhile.
+    """
     dispatchers: list[Any] = []
     failures: list[BaseException] = []
 
@@ -456,7 +470,9 @@ def _announce() -> None:
 
 @cache
 def _report_lost() -> None:
-    logging.getLogger("pulsepath").warning("compiled kernels are lost with this process, %s", _advise())
+    logging.getLogger("pulsepath").warning(
+        "compiled kernels are lost with this process, %s", _advise()
+    )
 
 
 def _advise() -> str:

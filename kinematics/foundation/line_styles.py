@@ -11,7 +11,10 @@ PALETTE = (
     "#56B4E9",
     "#7F7F7F",
 )
-"""Colours that colour-blind readers can distinguish [Okabe and Ito 2008]. Grey replaces yellow and black."""
+"""Colours that colour-blind readers can distinguish [Okabe and Ito 2008].
+
+Grey replaces yellow and black.
+"""
 DASHES = ("-", "--", "-.", ":")
 LINE_WIDTH = 1.3
 

@@ -1,4 +1,6 @@
-"""Machines by name, and what every table of names shares: bundled presets, and the nearest name to a mistaken one."""
+"""Machines by name, and what every table of names shares: bundled presets, and the nearest name to
+a mistaken one.
+"""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -13,11 +15,17 @@ from kinematics.foundation.errors import BadValue, MotionError
 def presets(package: str) -> dict[str, Traversable]:
     """The TOML files in a package's folder `presets`, by name."""
     entries = (files(package) / "presets").iterdir()
-    return {e.name.removesuffix(".toml"): e for e in sorted(entries, key=lambda e: e.name) if e.name.endswith(".toml")}
+    return {
+        e.name.removesuffix(".toml"): e
+        for e in sorted(entries, key=lambda e: e.name)
+        if e.name.endswith(".toml")
+    }
 
 
 def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | Traversable:
-    """Where a preset or a file is: a plain word is a preset's name, anything with a folder or suffix a file's path."""
+    """Where a preset or a file is: a plain word is a preset's name, anything with a folder or
+    suffix a file's path.
+    """
     if not isinstance(name_or_path, str | PathLike):
         raise MotionError(
             f"{add_article(what)} is given by its name or the path of a file, or as it is, not as {name_or_path!r:.80}"
@@ -26,7 +34,9 @@ def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | T
     name = fspath(name_or_path)
     if isinstance(name_or_path, PathLike) or path.suffix or path.name != name:
         if name in presets(package) and not path.exists():
-            raise MotionError(f'no such file: {name}; the bundled {what} is given as a text, "{name}"')
+            raise MotionError(
+                f'no such file: {name}; the bundled {what} is given as a text, "{name}"'
+            )
         return path
     known = presets(package)
     if name not in known:
@@ -40,7 +50,9 @@ def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | T
 
 
 def _suggest_file(what: str, name: str) -> str:
-    """Return the path of a file that may be meant: one in the folder of this name, as `pulsepath init` writes it."""
+    """Return the path of a file that may be meant: one in the folder of this name, as `pulsepath
+    init` writes it.
+    """
     inside = sorted(Path(name).glob(f"*{what}.toml")) if name else []
     return str(inside[0]) if inside else f"{name or what}.toml"
 
@@ -68,7 +80,9 @@ def add_article(noun: str) -> str:
 
 
 def count_noun(count: float, noun: str, form: str = "") -> str:
-    """A number, in a form, and its noun: "1 pulse", "0 pulses", "2 axes", "3 entries", "4 stretches", "0.5 pulses"."""
+    """A number, in a form, and its noun: "1 pulse", "0 pulses", "2 axes", "3 entries", "4
+    stretches", "0.5 pulses".
+    """
     shown = f"{count:{form}}"
     if shown == "1":
         return f"1 {noun}"

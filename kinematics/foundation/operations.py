@@ -1,7 +1,9 @@
-"""Which operations an expression may have: those with guaranteed bounds, and those that are made of these.
+"""Which operations an expression may have: those with guaranteed bounds, and those that are made of
+these.
 
-tan, asin, acos, atan, hypot, hyperbolic functions, powers, min and max are rewritten when an expression is made: so
-arrays, derivatives and enclosures all see the same few operations. What is neither has values, and no bounds.
+tan, asin, acos, atan, hypot, hyperbolic functions, powers, min and max are rewritten when an
+expression is made: so arrays, derivatives and enclosures all see the same few operations. What is
+neither has values, and no bounds.
 """
 
 from collections.abc import Callable
@@ -11,7 +13,17 @@ import casadi as ca
 from kinematics.foundation.errors import MotionError
 
 BASIC = {
-    *(ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_MUL, ca.OP_DIV),
+    *(
+        ca.OP_CONST,
+        ca.OP_INPUT,
+        ca.OP_OUTPUT,
+        ca.OP_ASSIGN,
+        ca.OP_ADD,
+        ca.OP_SUB,
+        ca.OP_NEG,
+        ca.OP_MUL,
+        ca.OP_DIV,
+    ),
     *(ca.OP_INV, ca.OP_TWICE, ca.OP_SQ, ca.OP_SQRT, ca.OP_SIN, ca.OP_COS, ca.OP_EXP, ca.OP_LOG),
     *(ca.OP_FABS, ca.OP_SIGN, ca.OP_ATAN2),
 }
@@ -110,7 +122,9 @@ _NAMES = {value: name[3:].lower() for name, value in vars(ca).items() if name.st
 
 
 def refuse_unknown(function: ca.Function) -> None:
-    """Raise MotionError, with what is allowed, for an operation that is neither basic nor made of basic ones."""
+    """Raise MotionError, with what is allowed, for an operation that is neither basic nor made of
+    basic ones.
+    """
     codes = {function.instruction_id(k) for k in range(function.n_instructions())}
     for strange in sorted(codes - BASIC - REWRITTEN.keys()):
         raise MotionError(
@@ -120,7 +134,9 @@ def refuse_unknown(function: ca.Function) -> None:
 
 
 def rewrite(function: ca.Function) -> ca.Function:
-    """The same function of basic operations alone; itself where it has no others, or some that are unknown."""
+    """The same function of basic operations alone; itself where it has no others, or some that are
+    unknown.
+    """
     codes = [function.instruction_id(k) for k in range(function.n_instructions())]
     others = set(codes) - BASIC
     if not others or others - REWRITTEN.keys():
@@ -140,5 +156,9 @@ def rewrite(function: ca.Function) -> ca.Function:
             work[write[0]] = REWRITTEN[code](*(work[slot] for slot in read))
         else:
             arguments = [work[slot] for slot in read]
-            work[write[0]] = ca.SX.unary(code, *arguments) if len(arguments) == 1 else ca.SX.binary(code, *arguments)
+            work[write[0]] = (
+                ca.SX.unary(code, *arguments)
+                if len(arguments) == 1
+                else ca.SX.binary(code, *arguments)
+            )
     return ca.Function(function.name(), [x], [ca.densify(ca.vertcat(*out))], {"cse": True})

@@ -1,9 +1,11 @@
-"""What is plugged in by name: classes that load when they are asked for, with options made from text.
+"""What is plugged in by name: classes that load when they are asked for, with options made from
+text.
 
 An option is a field of a frozen dataclass that says what it is about.
 
-And arguments of a wrong kind, refused by name where a public function is called, not deep inside. What a parameter or
-a field accepts is read from its annotation, its unit too; shapes and ranges are refused by the functions themselves.
+And arguments of a wrong kind, refused by name where a public function is called, not deep inside.
+What a parameter or a field accepts is read from its annotation, its unit too; shapes and ranges are
+refused by the functions themselves.
 """
 
 import re
@@ -15,7 +17,18 @@ from importlib import import_module
 from inspect import Parameter, get_annotations, isclass, signature
 from numbers import Integral, Real
 from types import NoneType, SimpleNamespace, UnionType
-from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 
@@ -43,7 +56,10 @@ def options(kind: type[Any]) -> dict[str, Field[Any]]:
 
 
 def make_with(kind: type[R], what: str, given: Mapping[str, Any]) -> R:
-    """What a dataclass makes of its fields. Raises MotionError for an unknown one, with the nearest."""
+    """What a dataclass makes of its fields.
+
+    Raises MotionError for an unknown one, with the nearest.
+    """
     _refuse_unknown([each.name for each in fields(cast(Any, kind)) if each.init], what, given)
     with locate_errors(what):
         return kind(**given)
@@ -53,11 +69,15 @@ def _refuse_unknown(known: Iterable[str], what: str, given: Iterable[str]) -> No
     for name in given:
         if name not in known:
             offered = ", ".join(known) or "none"
-            raise MotionError(f'{what} has no option "{name}"{nearest(name, known)}; its options: {offered}')
+            raise MotionError(
+                f'{what} has no option "{name}"{nearest(name, known)}; its options: {offered}'
+            )
 
 
 def read_options(kind: type[Any], given: Mapping[str, str], what: str) -> dict[str, Any]:
-    """Values from text: quantities with their unit, else numbers. Raises MotionError, which says what was asked of.
+    """Values from text: quantities with their unit, else numbers.
+
+    Raises MotionError, which says what was asked of.
 
     Unknown names are refused with the nearest.
     """
@@ -77,7 +97,10 @@ def read_options(kind: type[Any], given: Mapping[str, str], what: str) -> dict[s
 
 
 def split_options(text: str, what: str) -> tuple[str, dict[str, str]]:
-    """`name:option=value,option=value` as name and options. Raises MotionError for what is not written so."""
+    """`name:option=value,option=value` as name and options.
+
+    Raises MotionError for what is not written so.
+    """
     name, colon, rest = text.partition(":")
     given: dict[str, str] = {}
     for part in rest.split(",") if colon else ():
@@ -89,20 +112,27 @@ def split_options(text: str, what: str) -> tuple[str, dict[str, str]]:
 
 
 def load_plugin(what: str, table: Mapping[str, str], name: str) -> Any:
-    """The class of a name in a table of "module:class". Raises MotionError for an unknown one, with the nearest."""
+    """The class of a name in a table of "module:class".
+
+    Raises MotionError for an unknown one, with the nearest.
+    """
     if name not in table:
         raise unknown_name(what, name, table)
     module, _, kind = table[name].partition(":")
     return getattr(import_module(module), kind)
 
 
-_NUMBERS: dict[Any, tuple[type, str]] = {float: (Real, "a number"), int: (Integral, "a whole number")}
+_NUMBERS: dict[Any, tuple[type, str]] = {
+    float: (Real, "a number"),
+    int: (Integral, "a whole number"),
+}
 _ABSENT = object()
 _PLAIN = {str: "a text", bool: "True or False", NoneType: "None", bytes: "bytes"}
 
 
 def check_arguments(*but: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorator: arguments that their annotations do not allow are refused, except those of the parameters `but`.
+    """Decorator: arguments that their annotations do not allow are refused, except those of the
+    parameters `but`.
 
     Raises MotionError, which names the function, the argument, what was given and what is expected.
     """
@@ -111,15 +141,25 @@ def check_arguments(*but: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         @cache
         def accepted() -> dict[str, tuple[Any, tuple[type, ...]]]:
             parameters = signature(function).parameters
-            single = [name for name, one in parameters.items() if one.kind not in _SEVERAL and name not in but]
-            return _read_kinds({name: parameters[name].annotation for name in single}, function.__module__)
+            single = [
+                name
+                for name, one in parameters.items()
+                if one.kind not in _SEVERAL and name not in but
+            ]
+            return _read_kinds(
+                {name: parameters[name].annotation for name in single}, function.__module__
+            )
 
         @wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-            given = signature(function).bind(*args, **kwargs).arguments  # TypeError for what has no such name, as ever
+            given = (
+                signature(function).bind(*args, **kwargs).arguments
+            )  # TypeError for what has no such name, as ever
             for name, (kind, classes) in accepted().items():
                 value = given.get(name, _ABSENT)
-                if value is not _ABSENT and (not isinstance(value, classes) or isinstance(value, bool)):
+                if value is not _ABSENT and (
+                    not isinstance(value, classes) or isinstance(value, bool)
+                ):
                     _refuse_misfit(function.__name__, name, value, kind)
             return function(*args, **kwargs)
 
@@ -132,11 +172,15 @@ _SEVERAL = (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL)
 
 
 def check_fields(value: object, *but: str) -> None:
-    """Refuse what the fields of a dataclass hold, but for the fields `but`, as `check_arguments` does arguments."""
+    """Refuse what the fields of a dataclass hold, but for the fields `but`, as `check_arguments`
+    does arguments.
+    """
     kind: Any = type(value)
     for name, (accepted, classes) in _field_kinds(kind, but).items():
         one = getattr(value, name)
-        if not isinstance(one, classes) or one is True or one is False:  # programs have millions of these values
+        if (
+            not isinstance(one, classes) or one is True or one is False
+        ):  # programs have millions of these values
             _refuse_misfit(_split_name(kind.__name__), name, one, accepted)
 
 
@@ -154,10 +198,14 @@ def _refuse_misfit(what: str, name: str, value: object, kind: Any) -> None:
     if fits(value, kind):
         return
     told = f'"{value}"' if isinstance(value, str) else f"{value!r:.60}"
-    raise MotionError(f"{what}: {name} is {told}; expected {' or '.join(dict.fromkeys(_describe(kind)))}")
+    raise MotionError(
+        f"{what}: {name} is {told}; expected {' or '.join(dict.fromkeys(_describe(kind)))}"
+    )
 
 
-def _read_kinds(annotations: Mapping[str, Any], module: str) -> dict[str, tuple[Any, tuple[type, ...]]]:
+def _read_kinds(
+    annotations: Mapping[str, Any], module: str
+) -> dict[str, tuple[Any, tuple[type, ...]]]:
     """By name, what is accepted, and the classes of it; without what anything may be."""
     found = {name: _resolve(kind, module) for name, kind in annotations.items()}
     return {name: (kind, _list_classes(kind)) for name, kind in found.items() if kind is not Any}
@@ -167,7 +215,9 @@ def _resolve(kind: Any, module: str) -> Any:
     """An annotation; Any where there is none, and for names that only type checkers load."""
     if isinstance(kind, str):
         try:
-            alone = SimpleNamespace(__annotations__={"kind": kind})  # one that is not known must not cost the others
+            alone = SimpleNamespace(
+                __annotations__={"kind": kind}
+            )  # one that is not known must not cost the others
             kind = get_type_hints(alone, vars(sys.modules[module]), include_extras=True)["kind"]
         except NameError:
             return Any
@@ -183,7 +233,9 @@ def _list_classes(kind: Any) -> tuple[type, ...]:
 
 
 def fits(value: object, kind: Any) -> bool:
-    """Whether a value is of the kind that an annotation states; what cannot be told is taken to be."""
+    """Whether a value is of the kind that an annotation states; what cannot be told is taken to
+    be.
+    """
     origin, parts = get_origin(kind), get_args(kind)
     if origin is Annotated:
         return fits(value, parts[0])
@@ -221,14 +273,18 @@ def _is_row(value: object, kind: Any) -> bool:
 
 
 def _list_entries(value: Any) -> Sequence[Any]:
-    """Those that can be looked at without using them up: of an array of numbers the first, since all are of a kind."""
+    """Those that can be looked at without using them up: of an array of numbers the first, since
+    all are of a kind.
+    """
     if isinstance(value, np.ndarray):
         return tuple(value if value.dtype.kind == "O" else value[:1])
     return value if isinstance(value, tuple | list) else ()
 
 
 def _list_attributes(protocol: Any) -> tuple[str, ...]:
-    names = {name for base in protocol.__mro__[:-1] for name in (*vars(base), *get_annotations(base))}
+    names = {
+        name for base in protocol.__mro__[:-1] for name in (*vars(base), *get_annotations(base))
+    }
     return tuple(name for name in names if not name.startswith("_"))
 
 

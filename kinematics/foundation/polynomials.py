@@ -1,4 +1,5 @@
-"""Polynomials on [0, 1], many at once: where they reach heights, parts of them, and their Bernstein coefficients.
+"""Polynomials on [0, 1], many at once: where they reach heights, parts of them, and their Bernstein
+coefficients.
 
 The checker of pulses uses none of this, on purpose.
 """
@@ -14,14 +15,19 @@ from kinematics.foundation.arrays import Array, freeze_array
 MAX_STEPS = 256  # every fourth step halves the bracket, so 4·log2(1/eps) steps always end
 
 
-def solve_heights(climb: Array, index: NDArray[np.intp], height: Array, tolerance: Array) -> tuple[Array, Array]:
-    """v (N,) in [0, 1] where y(v) = Σ climb[i-1, index] vⁱ, i = 1..5, rises through the height, and y′ (N,) near v.
+def solve_heights(
+    climb: Array, index: NDArray[np.intp], height: Array, tolerance: Array
+) -> tuple[Array, Array]:
+    """v (N,) in [0, 1] where y(v) = Σ climb[i-1, index] vⁱ, i = 1..5, rises through the height, and
+    y′ (N,) near v.
 
     climb      (5, S) coefficients of S polynomials
     index      (N,) which polynomial each height (N,) is asked of
     tolerance  (S,) error of v that is good enough
-    A height out of reach gives the nearer end. The error that a Newton step δ leaves is at most max|y″| δ² / y′ where
-    2 max|y″| δ ≤ y′ (Kantorovich); a root is taken when that is below the tolerance, or its bracket is. y′ is from
+    A height out of reach gives the nearer end. The error that a Newton step δ leaves is at most
+    max|y″| δ² / y′ where
+    2 max|y″| δ ≤ y′ (Kantorovich); a root is taken when that is below the tolerance, or its bracket
+    is. y′ is from
     before the last step: at most twice that at the root.
     """
     tolerance = np.maximum(tolerance, 4 * np.finfo(float).eps)
@@ -35,14 +41,23 @@ def solve_heights(climb: Array, index: NDArray[np.intp], height: Array, toleranc
         settled &= (root >= 0) & (root <= 1)
         rest = np.flatnonzero(~settled)  # one step is enough for nearly all
         if len(rest):
-            root[rest], slope[rest] = _solve_bracketed(climb, index[rest], height[rest], v[rest], tolerance, curvature)
+            root[rest], slope[rest] = _solve_bracketed(
+                climb, index[rest], height[rest], v[rest], tolerance, curvature
+            )
     return root, slope
 
 
 def _solve_bracketed(
-    climb: Array, index: NDArray[np.intp], height: Array, v: Array, tolerance: Array, curvature: Array
+    climb: Array,
+    index: NDArray[np.intp],
+    height: Array,
+    v: Array,
+    tolerance: Array,
+    curvature: Array,
 ) -> tuple[Array, Array]:
-    """The same from a first guess v (N,), nan for none, halving the bracket where Newton's method leaves it."""
+    """The same from a first guess v (N,), nan for none, halving the bracket where Newton's method
+    leaves it.
+    """
     v = np.nan_to_num(v, nan=0.5)
     root, last = np.empty_like(v), np.empty_like(v)
     place: NDArray[np.intp] = np.arange(len(v))
@@ -66,7 +81,9 @@ def _solve_bracketed(
     return root, last
 
 
-def _evaluate(climb: Array, index: NDArray[np.intp], v: Array, height: Array) -> tuple[Array, Array]:
+def _evaluate(
+    climb: Array, index: NDArray[np.intp], v: Array, height: Array
+) -> tuple[Array, Array]:
     """y - height and y′: y = v g(v), g and g′ by Horner's rule side by side."""
     g = climb[4].take(index)
     slope = g.copy()
@@ -94,9 +111,11 @@ def _has_converged(move: Array, slope: Array, enough: Array, curvature: Array) -
 
 
 def _first_guess(climb: Array, index: NDArray[np.intp], height: Array) -> Array:
-    """The root in [0, 1] of the parabola a v + b v² that ends where y does and has y's slope at the slower end.
+    """The root in [0, 1] of the parabola a v + b v² that ends where y does and has y's slope at the
+    slower end.
 
-    Exact for constant acceleration, turning points included; the nearer end where it is outside, nan for no parabola.
+    Exact for constant acceleration, turning points included; the nearer end where it is outside,
+    nan for no parabola.
     """
     top, start, end = climb.sum(axis=0), climb[0], np.arange(1, 6) @ climb
     half = np.maximum(np.where(end < start, 2 * top - end, start), 0.0) / 2
@@ -116,8 +135,9 @@ def _first_guess(climb: Array, index: NDArray[np.intp], height: Array) -> Array:
 def bernstein_matrix(degree: int) -> Array:
     """(degree + 1, degree + 1): what makes Bernstein coefficients on [0, 1] of those of powers.
 
-    A polynomial lies within its Bernstein coefficients. It has as many roots in (0, 1) as they change sign, or fewer by
-    an even number: none where they do not, exactly one where they change once.
+    A polynomial lies within its Bernstein coefficients. It has as many roots in (0, 1) as they
+    change sign, or fewer by an even number: none where they do not, exactly one where they change
+    once.
     """
     powers = range(degree + 1)
     return freeze_array([[comb(j, i) / comb(degree, i) for i in powers] for j in powers])

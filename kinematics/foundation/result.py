@@ -1,7 +1,8 @@
 """What every result can do: print itself as tables, draw itself, become a data frame, and be saved.
 
-Its figure and its file formats are registered by its type in the modules `figures` and `saving` of its top-level
-package. A result imports neither: they stand above it, and are loaded when a figure or a file is first asked for.
+Its figure and its file formats are registered by its type in the modules `figures` and `saving` of
+its top-level package. A result imports neither: they stand above it, and are loaded when a figure
+or a file is first asked for.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ Made = TypeVar("Made")
 
 
 class _Registry(Generic[Made]):
-    """Functions of results, by the type of the result; module: where a top-level package registers its own."""
+    """Functions of results, by the type of the result; module: where a top-level package registers
+    its own.
+    """
 
     def __init__(self, module: str) -> None:
         self.module = module
@@ -68,19 +71,24 @@ _FILES: _Registry[Mapping[str, Callable[[Path], None]]] = _Registry("saving")
 
 
 def draws(kind: type) -> Callable[[F], F]:
-    """Register a function (result, ax=None, **options) -> axes as the figure of a type of result."""
+    """Register a function (result, ax=None, **options) -> axes as the figure of a type of
+    result.
+    """
     return _FIGURES.register(kind)
 
 
 def saves(kind: type) -> Callable[[F], F]:
-    """Register a function result -> {suffix: function of a path} as the file formats of a type of result."""
+    """Register a function result -> {suffix: function of a path} as the file formats of a type of
+    result.
+    """
     return _FILES.register(kind)
 
 
 class Result(ABC):
     """A result: it states its `tables` and draws itself by `plot`; the rest follows from these.
 
-    A terminal prints the tables, a notebook shows them; `to_pandas` gives `data()`, raw and in SI, and `save` writes.
+    A terminal prints the tables, a notebook shows them; `to_pandas` gives `data()`, raw and in SI,
+    and `save` writes.
     """
 
     __slots__ = ()
@@ -99,16 +107,19 @@ class Result(ABC):
         """What it tells, the main thing first."""
 
     def plot(self, ax: Axes | None = None, *args: Any, **options: Any) -> Axes:
-        """The figure that tells most of it, on `ax` or a figure of its own; the axes, which a notebook shows.
+        """The figure that tells most of it, on `ax` or a figure of its own; the axes, which a
+        notebook shows.
 
-        It is the one registered for the type (`kinematics.foundation.result`), which says what options it has.
-        Raises MotionError where there is none.
+        It is the one registered for the type (`kinematics.foundation.result`), which says what
+        options it has. Raises MotionError where there is none.
         """
         if ax is not None and not hasattr(ax, "get_figure"):
             raise MotionError(f"plot: ax is {ax!r:.60}; expected axes of Matplotlib, or None")
         draw = _FIGURES.find(type(self))
         if draw is None:
-            raise MotionError(f"{add_article(self._kind)} has no figure; print it, or draw its data()")
+            raise MotionError(
+                f"{add_article(self._kind)} has no figure; print it, or draw its data()"
+            )
         return draw(self, ax, *args, **options)
 
     def data(self) -> Table:
@@ -116,7 +127,9 @@ class Result(ABC):
         return self.tables()[0]
 
     def files(self) -> Mapping[str, Callable[[Path], None]]:
-        """How it is written, by the suffix: as tables, and as is registered for the type beside them or instead."""
+        """How it is written, by the suffix: as tables, and as is registered for the type beside
+        them or instead.
+        """
         saved = _FILES.find(type(self))
         own = saved(self) if saved else {}
         return {**own, ".csv": self._csv, ".json": self._json, **own}
@@ -143,10 +156,11 @@ class Result(ABC):
 
     @check_arguments()
     def save(self, path: str | PathLike[str], *, force: bool = False) -> None:
-        """Write a file, whole or not at all; its suffix says what: .csv holds `data()`, .json all tables.
+        """Write a file, whole or not at all; its suffix says what: .csv holds `data()`, .json all
+        tables.
 
-        Some results have others, or more of them. Raises MotionError for a suffix that the result does not have, a
-        file that is there already (unless forced), and a folder that is not.
+        Some results have others, or more of them. Raises MotionError for a suffix that the result
+        does not have, a file that is there already (unless forced), and a folder that is not.
         """
         place, known = Path(path), self.files()
         what = f"save {place}"
@@ -156,7 +170,9 @@ class Result(ABC):
                 f"{nearest(place.suffix, known)}; there are {', '.join(known)}"
             )
         require_folder(what, place)
-        with Destination(place, force=force, remedy="give another name, or force=True to replace it").stage() as file:
+        with Destination(
+            place, force=force, remedy="give another name, or force=True to replace it"
+        ).stage() as file:
             known[place.suffix](file)
 
     @property
@@ -169,22 +185,33 @@ class Result(ABC):
         path.write_bytes(text.getvalue().encode())
 
     def _json(self, path: Path) -> None:
-        """Numbers as Python's json has them: shortest decimals that read back as the same floats."""
+        """Numbers as Python's json has them: shortest decimals that read back as the same
+        floats.
+        """
         tables = [
             {
                 "title": table.title,
-                "columns": [{"name": c.name, "unit": "" if c.has_row_units else c.unit} for c in table.full],
+                "columns": [
+                    {"name": c.name, "unit": "" if c.has_row_units else c.unit} for c in table.full
+                ],
                 "rows": [
-                    [_json_value(value) for value in row] for row in zip(*(c.raw for c in table.full), strict=True)
+                    [_json_value(value) for value in row]
+                    for row in zip(*(c.raw for c in table.full), strict=True)
                 ],
                 "notes": list(table.notes),
             }
             for table in self.tables()
         ]
         told = {"result": self._kind, "tables": tables}
-        path.write_bytes((json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode())
+        path.write_bytes(
+            (json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+        )
 
 
 def _json_value(value: Any) -> Any:
     """JSON has no infinities and no NaN: texts, which float() reads."""
-    return str(value) if isinstance(value, float) and (value != value or abs(value) == float("inf")) else value
+    return (
+        str(value)
+        if isinstance(value, float) and (value != value or abs(value) == float("inf"))
+        else value
+    )

@@ -42,7 +42,9 @@ def find_vectors(matrices: Array) -> Array:
     for k in range(3):
         first, second = (k + 1) % 3, (k + 2) % 3
         products[:, k, k] = 1 + m[:, k, k] - m[:, first, first] - m[:, second, second]
-        products[:, first, second] = products[:, second, first] = m[:, first, second] + m[:, second, first]
+        products[:, first, second] = products[:, second, first] = (
+            m[:, first, second] + m[:, second, first]
+        )
         products[:, k, 3] = products[:, 3, k] = m[:, second, first] - m[:, first, second]
     products[:, 3, 3] = 1 + np.trace(m, axis1=1, axis2=2)
     row = np.einsum("nkk->nk", products).argmax(1)
@@ -56,13 +58,17 @@ def find_vectors(matrices: Array) -> Array:
 
 
 def turn_axes(angles: Array) -> Array:
-    """Return the rotations Rx·Ry·Rz of angles θx, θy, θz (N, 3) in rad about the moving axes in turn."""
+    """Return the rotations Rx·Ry·Rz of angles θx, θy, θz (N, 3) in rad about the moving axes in
+    turn.
+    """
     turns = [make_matrices(angles[:, k, None] * np.eye(3)[k]) for k in range(3)]
     return np.asarray(turns[0] @ turns[1] @ turns[2])
 
 
 def find_angles(matrices: Array) -> Array:
-    """Return θx, θy, θz (N, 3) in rad of rotations Rx·Ry·Rz. θz is 0 where only its sum with θx is defined."""
+    """Return θx, θy, θz (N, 3) in rad of rotations Rx·Ry·Rz. θz is 0 where only its sum with θx is
+    defined.
+    """
     m = matrices
     cosine = np.hypot(m[:, 0, 0], m[:, 0, 1])
     locked = cosine < GIMBAL_LOCK
@@ -75,8 +81,9 @@ def find_angles(matrices: Array) -> Array:
 def turn_vector(point: Array, rotation: Array) -> Array:
     """Return a point (3,) turned by a rotation (3,), unit axis times angle.
 
-    By a quaternion in SciPy's order of operations, to the same bits: `Rotation.from_rotvec(rotation)
-    .apply(point)`. A path does not depend on whether it is drawn with SciPy or without.
+    By a quaternion in SciPy's order of operations, to the same bits:
+    `Rotation.from_rotvec(rotation) .apply(point)`. A path does not depend on whether it is drawn
+    with SciPy or without.
     """
     a, b, c = rotation.tolist()
     angle = sqrt(a * a + b * b + c * c)

@@ -1,4 +1,6 @@
-"""What a notebook or a debugger shows of a value in at most three lines: its name, and its fields that are stated."""
+"""What a notebook or a debugger shows of a value in at most three lines: its name, and its fields
+that are stated.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
@@ -7,13 +9,21 @@ from typing import Any
 WIDTH, MAX_LINES = 110, 3
 """Characters of a line, and lines."""
 MAX_ITEMS, MAX_TEXT = 6, 60
-"""Numbers of an array, or entries of a sequence, that are shown one by one; characters of a text."""
+"""Numbers of an array, or entries of a sequence, that are shown one by one; characters of a
+text.
+"""
 
 
 def short_repr(value: Any) -> str:
-    """Class and fields of a dataclass: those at their default and those that ask for it (repr=False) are left out."""
+    """Class and fields of a dataclass: those at their default and those that ask for it
+    (repr=False) are left out.
+    """
     own = fields(value) if is_dataclass(value) else ()
-    told = [f"{field.name}={_show(getattr(value, field.name))}" for field in own if _is_told(value, field)]
+    told = [
+        f"{field.name}={_show(getattr(value, field.name))}"
+        for field in own
+        if _is_told(value, field)
+    ]
     return fit_lines(f"{type(value).__name__}({', '.join(told)})")
 
 
@@ -61,7 +71,9 @@ def _show(value: Any) -> str:
             angles = value.rotation.as_euler("XYZ", suppress_warnings=True)
             return str([_plain(each) for each in [*value.translation.tolist(), *angles.tolist()]])
         case Rotation() if value.single:
-            return str([_plain(each) for each in value.as_euler("XYZ", suppress_warnings=True).tolist()])
+            return str(
+                [_plain(each) for each in value.as_euler("XYZ", suppress_warnings=True).tolist()]
+            )
         case RigidTransform() | Rotation():
             return f"{len(value)} {'poses' if isinstance(value, RigidTransform) else 'rotations'}"
         case Mapping():
@@ -84,5 +96,7 @@ def _plain(value: Any) -> Any:
 
 def _is_plain(value: Any) -> bool:
     return isinstance(value, (str, int, float)) or (
-        isinstance(value, tuple) and len(value) <= 2 and all(isinstance(each, (int, float)) for each in value)
+        isinstance(value, tuple)
+        and len(value) <= 2
+        and all(isinstance(each, (int, float)) for each in value)
     )

@@ -1,4 +1,5 @@
-"""Tables of results: raw SI values in columns, from which come text, HTML, data frames and files, all telling the same.
+"""Tables of results: raw SI values in columns, from which come text, HTML, data frames and files,
+all telling the same.
 
 What people read is scaled (mm, µm, °) and rounded; what a data frame or a file holds is not.
 """
@@ -26,7 +27,12 @@ SCALES: dict[str, dict[str, tuple[str, float]]] = {
     "": {},
     "human": {"m": ("mm", 1e3), "rad": ("°", degrees(1)), "kg": ("g", 1e3)},
     "milli": {"s": ("ms", 1e3)},
-    "micro": {"m": ("µm", 1e6), "rad": ("µrad", 1e6), "m or rad": ("µm or µrad", 1e6), "s": ("µs", 1e6)},
+    "micro": {
+        "m": ("µm", 1e6),
+        "rad": ("µrad", 1e6),
+        "m or rad": ("µm or µrad", 1e6),
+        "s": ("µs", 1e6),
+    },
 }
 """What is read instead of an SI unit, and how many of it make one."""
 MAX_SHOWN_ROWS = 60
@@ -43,9 +49,12 @@ class Column:
     values  numbers, texts, bools, None where there is nothing
     unit    SI, powers as "m/s^2"; or one for each row, which a column then names or the cells do
     form    format of what is shown, after scaling
-    up      rounded upwards, so that the text of a bound is a bound too: `form` counts decimals, as ".7f"
-    words   what is shown instead of some values, by their `str`: {"None": "not stated", "inf": "unlimited"}
-    right   texts of numbers, aligned as these; whole: never broken over lines, where there is too little room
+    up      rounded upwards, so that the text of a bound is a bound too: `form` counts decimals, as
+            ".7f"
+    words   what is shown instead of some values, by their `str`: {"None": "not stated", "inf":
+            "unlimited"}
+    right   texts of numbers, aligned as these; whole: never broken over lines, where there is too
+            little room
     """
 
     name: str
@@ -80,7 +89,9 @@ class Column:
         if isinstance(self.values, np.ndarray):
             return self.values.dtype.kind in "iuf"
         told = [value for value in self.values if value is not None]
-        return bool(told) and all(isinstance(value, Real) and not isinstance(value, bool) for value in told)
+        return bool(told) and all(
+            isinstance(value, Real) and not isinstance(value, bool) for value in told
+        )
 
     @property
     def raw(self) -> list[Any]:
@@ -103,10 +114,16 @@ class Column:
         return plain_line(f"{self.name} ({unit})" if unit else self.name)
 
     def cell(self, row: int, named: bool = False) -> str:
-        """A value as it is read, with its unit where rows have their own and they are to be named."""
+        """A value as it is read, with its unit where rows have their own and they are to be
+        named.
+        """
         value, text = _python_number(self.values[row]), self._text(row)
         told = (
-            named and self.has_row_units and text and isinstance(value, (int, float)) and str(value) not in self.words
+            named
+            and self.has_row_units
+            and text
+            and isinstance(value, (int, float))
+            and str(value) not in self.words
         )
         return f"{text} {_shown_unit(self.unit[row], self.scale)[0]}".rstrip() if told else text
 
@@ -118,7 +135,9 @@ class Column:
             return plain_line(value or "")
         if isinstance(value, bool):
             return "yes" if value else "no"
-        factor = _shown_unit(self.unit if isinstance(self.unit, str) else self.unit[row], self.scale)[1]
+        factor = _shown_unit(
+            self.unit if isinstance(self.unit, str) else self.unit[row], self.scale
+        )[1]
         if isinstance(value, int) and factor == 1:
             return f"{value}"
         number = value * factor
@@ -132,16 +151,24 @@ class Column:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Columns of one length under a title; notes stand below. Raises MotionError for columns that do not fit."""
+    """Columns of one length under a title; notes stand below.
+
+    Raises MotionError for columns that do not fit.
+    """
 
     title: str
     columns: tuple[Column, ...]
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        names, lengths = [column.heading for column in self.columns], {len(column) for column in self.columns}
+        names, lengths = (
+            [column.heading for column in self.columns],
+            {len(column) for column in self.columns},
+        )
         if len(set(names)) < len(names) or len(lengths) != 1:
-            raise MotionError(f"table {self.title}: columns {names} need names of their own and one length: {lengths}")
+            raise MotionError(
+                f"table {self.title}: columns {names} need names of their own and one length: {lengths}"
+            )
         object.__setattr__(self, "title", plain(self.title))
         object.__setattr__(self, "notes", tuple(map(plain, self.notes)))
 
@@ -155,17 +182,25 @@ class Table:
 
     @property
     def read(self) -> tuple[Column, ...]:
-        """The columns that people read: units that rows have in common get one column, others stand in the cells."""
+        """The columns that people read: units that rows have in common get one column, others stand
+        in the cells.
+        """
         return self.columns if self._has_mixed_columns else self.full
 
     @property
     def _has_mixed_columns(self) -> bool:
-        return len({(column.unit, column.scale) for column in self.columns if column.has_row_units}) > 1
+        return (
+            len({(column.unit, column.scale) for column in self.columns if column.has_row_units})
+            > 1
+        )
 
     def cells(self, rows: Sequence[int] | None = None) -> list[list[str]]:
         """Every row, or some, as `read`."""
         shown, named = self.read, self._has_mixed_columns
-        return [[column.cell(row, named) for column in shown] for row in (range(len(self)) if rows is None else rows)]
+        return [
+            [column.cell(row, named) for column in shown]
+            for row in (range(len(self)) if rows is None else rows)
+        ]
 
     def shown_cells(self) -> list[list[str]]:
         """The rows to show: of too many, the first and the last with a gap between."""
@@ -181,15 +216,23 @@ class Table:
         return "\n".join([*filter(None, [self.title]), *lines, *self.notes])
 
     def _repr_html_(self) -> str:
-        """In the notebook's own colours, dark or light: nothing is set but lines, alignment and room."""
-        aligned = [f"text-align:{'right' if column.numeric else 'left'};padding:0.1em 0.6em" for column in self.read]
+        """In the notebook's own colours, dark or light: nothing is set but lines, alignment and
+        room.
+        """
+        aligned = [
+            f"text-align:{'right' if column.numeric else 'left'};padding:0.1em 0.6em"
+            for column in self.read
+        ]
         head = "".join(
             f'<th style="{style};border-bottom:1px solid currentColor">{escape(column.title)}</th>'
             for style, column in zip(aligned, self.read, strict=True)
         )
         body = "".join(
             "<tr>"
-            + "".join(f'<td style="{style}">{escape(cell)}</td>' for style, cell in zip(aligned, row, strict=True))
+            + "".join(
+                f'<td style="{style}">{escape(cell)}</td>'
+                for style, cell in zip(aligned, row, strict=True)
+            )
             + "</tr>"
             for row in self.shown_cells()
         )
@@ -203,11 +246,16 @@ class Table:
         )
 
     def to_pandas(self) -> pd.DataFrame:
-        """The raw values, units in the columns' names. Raises MotionError where pandas is not installed."""
+        """The raw values, units in the columns' names.
+
+        Raises MotionError where pandas is not installed.
+        """
         try:
             import pandas as pd
         except ImportError:
-            raise NotInstalled("to_pandas", "pandas", "notebooks", 'save("name.csv") does without') from None
+            raise NotInstalled(
+                "to_pandas", "pandas", "notebooks", 'save("name.csv") does without'
+            ) from None
         return pd.DataFrame({column.heading: column.raw for column in self.full})
 
     def csv_rows(self) -> Iterator[list[Any]]:
@@ -224,7 +272,9 @@ def _add_unit_columns(columns: Sequence[Column]) -> Iterator[Column]:
             following is None or following.unit != column.unit or following.scale != column.scale
         ):
             named = {unit: _shown_unit(unit, column.scale)[0] for unit in column.unit}
-            taken = [other for other in columns if other.has_row_units and other.unit != column.unit]
+            taken = [
+                other for other in columns if other.has_row_units and other.unit != column.unit
+            ]
             yield Column(f"unit of {column.name}" if taken else "unit", column.unit, words=named)
 
 
@@ -249,4 +299,6 @@ def _align(rows: Sequence[Sequence[str]], right: Sequence[bool]) -> Iterator[str
     widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
     for row in rows:
         cells = zip(row, widths, right, strict=True)
-        yield "  ".join(cell.rjust(width) if far else cell.ljust(width) for cell, width, far in cells).rstrip()
+        yield "  ".join(
+            cell.rjust(width) if far else cell.ljust(width) for cell, width, far in cells
+        ).rstrip()

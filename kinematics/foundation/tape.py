@@ -1,8 +1,9 @@
 """An expression as a tape of operations, run over blocks of points in one compiled loop.
 
-CasADi's virtual machine decides for every point anew what each operation is; here each is decided once for a block, and
-its inner loop over the block is compiled for what the processor's vectors hold. Every operation is that of IEEE
-arithmetic, in the same order: the values are CasADi's to the last bit, where both take sines from the same library.
+CasADi's virtual machine decides for every point anew what each operation is; here each is decided
+once for a block, and its inner loop over the block is compiled for what the processor's vectors
+hold. Every operation is that of IEEE arithmetic, in the same order: the values are CasADi's to the
+last bit, where both take sines from the same library.
 """
 
 from typing import NamedTuple
@@ -13,7 +14,9 @@ import numpy as np
 from kinematics.foundation.kernels import Floats1, Floats2, Ints1, kernel
 
 BLOCK = 128
-"""Points that are run together: enough for what deciding takes, few enough for the cache to hold their values."""
+"""Points that are run together: enough for what deciding takes, few enough for the cache to hold
+their values.
+"""
 
 CONST, INPUT, OUTPUT, ASSIGN = ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_ASSIGN
 ADD, SUB, MUL, DIV, NEG, INV = ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_INV
@@ -24,9 +27,11 @@ KNOWN = {CONST, INPUT, OUTPUT, ADD, SUB, MUL, DIV, ATAN2} | ONE_OPERAND
 
 
 class Tape(NamedTuple):
-    """Operations (n,) by CasADi's numbers, their operands' slots (n, 2), slots written (n,), and constants (n,).
+    """Operations (n,) by CasADi's numbers, their operands' slots (n, 2), slots written (n,), and
+    constants (n,).
 
-    Inputs read column `first` of x, outputs write column `write` of the values. slots: numbers kept for a point.
+    Inputs read column `first` of x, outputs write column `write` of the values. slots: numbers kept
+    for a point.
     """
 
     operation: Ints1

@@ -1,10 +1,11 @@
 """Truncated Taylor series with guaranteed error: ball arithmetic on the coefficients.
 
-A series holds, for every entry of an array, the coefficients c_0 … c_d of c_k τ^k, each as a ball |c_k − mid_k| ≤
-rad_k. The balls enclose the exact coefficients: the error of the arguments and the rounding of every operation are
-carried along. Underflow is not: no length or angle that matters comes near 1e-290. Recurrences of automatic
-differentiation: Moore, Kearfott, Cloud, Introduction to Interval Analysis (2009), chapter 9. Balls (midpoint and
-radius): Rump, Acta Numerica 19 (2010), section 5.
+A series holds, for every entry of an array, the coefficients c_0 … c_d of c_k τ^k, each as a ball
+|c_k − mid_k| ≤ rad_k. The balls enclose the exact coefficients: the error of the arguments and the
+rounding of every operation are carried along. Underflow is not: no length or angle that matters
+comes near 1e-290. Recurrences of automatic differentiation: Moore, Kearfott, Cloud, Introduction to
+Interval Analysis (2009), chapter 9. Balls (midpoint and radius): Rump, Acta Numerica 19 (2010),
+section 5.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 
-# Twice the unit roundoff: covers the rounding of the operation itself and of the radius that bounds it.
+# Twice the unit roundoff: covers the rounding of the operation itself and of the radius that bounds
+# it.
 EPS = 2.0**-52
 
 Ball = tuple[Array, Array]
@@ -27,7 +29,9 @@ def times(a: Ball, b: Ball) -> Ball:
     mid = a[0] * b[0]
     rad = np.abs(a[0]) * b[1] + a[1] * (np.abs(b[0]) + b[1])
     with np.errstate(invalid="ignore"):
-        rad = np.where(np.isnan(rad), np.inf, rad)  # 0 · ∞: the ball of an undefined quotient stays unbounded
+        rad = np.where(
+            np.isnan(rad), np.inf, rad
+        )  # 0 · ∞: the ball of an undefined quotient stays unbounded
     return mid, rad * (1 + 4 * EPS) + EPS * np.abs(mid)
 
 
@@ -43,7 +47,9 @@ def inverse(mid: Array, rad: Array) -> Ball:
     with np.errstate(divide="ignore", invalid="ignore"):
         high, low = 1 / np.where(safe, near, 1.0), 1 / np.where(safe, far, 1.0)
     middle = np.sign(mid) * (high + low) / 2
-    return np.where(safe, middle, 0.0), np.where(safe, (high - low) / 2 * (1 + 4 * EPS) + 4 * EPS * high, np.inf)
+    return np.where(safe, middle, 0.0), np.where(
+        safe, (high - low) / 2 * (1 + 4 * EPS) + 4 * EPS * high, np.inf
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +107,9 @@ class Series:
         if missing <= 0:
             return self
         zeros = np.zeros((missing, *self.mid.shape[1:]))
-        return Series(np.concatenate([self.mid, zeros]), np.concatenate([self.rad, zeros]), self.order)
+        return Series(
+            np.concatenate([self.mid, zeros]), np.concatenate([self.rad, zeros]), self.order
+        )
 
     def __getitem__(self, key: object) -> Series:
         """Entries of the array, every coefficient kept."""
@@ -145,13 +153,17 @@ class Series:
         order = min(few.order, many.order)
         entries = np.broadcast_shapes(few.mid.shape[1:], many.mid.shape[1:])
         if few.degree == 0 and not (few.mid.any() or few.rad.any()) and np.isfinite(many.rad).all():
-            return Series(np.zeros((1, *entries)), np.zeros((1, *entries)), order)  # what follows stays short
+            return Series(
+                np.zeros((1, *entries)), np.zeros((1, *entries)), order
+            )  # what follows stays short
         degree = min(few.degree + many.degree, order)
         shape = (degree + 1, *entries)
         terms = few.degree + 1
         mid, rad, part = np.zeros(shape), np.zeros(shape), np.empty(shape)
         size, far = np.abs(few.mid), np.abs(many.mid)
-        error = many.rad + terms * EPS * far  # of a factor, and of rounding the sum that its products stand in
+        error = (
+            many.rad + terms * EPS * far
+        )  # of a factor, and of rounding the sum that its products stand in
         far += many.rad
         for j in range(min(few.degree, order) + 1):
             n = min(many.degree, order - j) + 1
@@ -187,10 +199,15 @@ class Series:
         """r_k = (a_k − Σ_{0<j<k} r_j r_{k−j}) / (2 r_0); unbounded where a_0 may be ≤ 0."""
         out = Series.zeros(self.order, self.mid.shape[1:])
         top = self.pad(self.order)
-        low, high = np.sqrt(np.maximum(top.mid[0] - top.rad[0], 0.0)), np.sqrt(np.maximum(top.mid[0] + top.rad[0], 0.0))
+        low, high = (
+            np.sqrt(np.maximum(top.mid[0] - top.rad[0], 0.0)),
+            np.sqrt(np.maximum(top.mid[0] + top.rad[0], 0.0)),
+        )
         out.mid[0] = (low + high) / 2
         out.rad[0] = (high - low) / 2 * (1 + EPS) + 2 * EPS * high
-        out.rad[0] = np.where(top.mid[0] + top.rad[0] < 0, np.inf, out.rad[0])  # the root of nothing real
+        out.rad[0] = np.where(
+            top.mid[0] + top.rad[0] < 0, np.inf, out.rad[0]
+        )  # the root of nothing real
         half = inverse(2 * out.mid[0], 2 * out.rad[0])
         inside = Series(out.mid[1:], out.rad[1:], self.order)
         for k in range(1, self.order + 1):
@@ -206,20 +223,31 @@ class Series:
         order = self.order if self.degree else 0
         shape = self.mid.shape[1:]
         sine, cosine = (
-            Series(np.zeros((order + 1, *shape)), np.zeros((order + 1, *shape)), self.order) for _ in range(2)
+            Series(np.zeros((order + 1, *shape)), np.zeros((order + 1, *shape)), self.order)
+            for _ in range(2)
         )
         angle = np.where(np.isfinite(self.mid[0]), self.mid[0], np.nan)
         sines = _call_libm(sin, angle)
         cosines = _call_libm(cos, angle)
         for out, value, slope in ((sine, sines, cosines), (cosine, cosines, sines)):
             out.mid[0] = value
-            # second-order bound, and never more than the whole range; libm is trusted to two units in the last place
-            out.rad[0] = np.minimum(np.abs(slope) * self.rad[0] + self.rad[0] ** 2 / 2, 2.0) * (1 + 4 * EPS) + 4 * EPS
+            # second-order bound, and never more than the whole range; libm is trusted to two units
+            # in the last place
+            out.rad[0] = (
+                np.minimum(np.abs(slope) * self.rad[0] + self.rad[0] ** 2 / 2, 2.0) * (1 + 4 * EPS)
+                + 4 * EPS
+            )
         rate = self.derivative()
         for k in range(1, order + 1):
-            up, down = _convolve(rate, _head(cosine, k), k - 1), _convolve(rate, _head(sine, k), k - 1)
+            up, down = (
+                _convolve(rate, _head(cosine, k), k - 1),
+                _convolve(rate, _head(sine, k), k - 1),
+            )
             sine.mid[k], sine.rad[k] = up[0] / k, (up[1] / k + EPS * np.abs(up[0])) * (1 + EPS)
-            cosine.mid[k], cosine.rad[k] = -down[0] / k, (down[1] / k + EPS * np.abs(down[0])) * (1 + EPS)
+            cosine.mid[k], cosine.rad[k] = (
+                -down[0] / k,
+                (down[1] / k + EPS * np.abs(down[0])) * (1 + EPS),
+            )
         return sine, cosine
 
     def sign(self) -> Series:
@@ -228,16 +256,23 @@ class Series:
         return Series(side, np.where(np.abs(self.mid[:1]) > self.rad[:1], 0.0, np.inf), self.order)
 
     def atan2(self, x: Series) -> Series:
-        """θ of self = r sin θ, x = r cos θ: θ̇ = (x ẏ − y ẋ)/(x² + y²); unbounded where zero or the cut may be met."""
+        """θ of self = r sin θ, x = r cos θ: θ̇ = (x ẏ − y ẋ)/(x² + y²); unbounded where zero or the
+        cut may be met.
+        """
         order = min(self.order, x.order)
         up, over = self.mid[0], x.mid[0]
-        away, error = np.hypot(up, over) * (1 - 2 * EPS), np.hypot(self.rad[0], x.rad[0]) * (1 + 2 * EPS)
+        away, error = (
+            np.hypot(up, over) * (1 - 2 * EPS),
+            np.hypot(self.rad[0], x.rad[0]) * (1 + 2 * EPS),
+        )
         met = (error >= away) | ((over <= x.rad[0]) & (np.abs(up) <= self.rad[0]) & (over < 0))
         with np.errstate(divide="ignore", invalid="ignore"):
             # asin(t) ≤ t/√(1 − t²); libm is trusted to two units in the last place
             rad = error / np.sqrt((away - error) * (away + error)) * (1 + 8 * EPS) + 8 * EPS
         start = Series(_call_libm(atan2, up, over)[None], np.where(met, np.inf, rad)[None], order)
-        return start._integrate_rate(((x * self.derivative()) - (self * x.derivative())) / (x * x + self * self))
+        return start._integrate_rate(
+            ((x * self.derivative()) - (self * x.derivative())) / (x * x + self * self)
+        )
 
     def exp(self) -> Series:
         """k e_k = Σ j a_j e_{k−j}, with j from 1 to k."""
@@ -256,7 +291,9 @@ class Series:
         with np.errstate(divide="ignore", invalid="ignore"):
             mid = np.log(np.where(low > 0, self.mid[:1], 1.0))
             # log(a) − log(a − r) ≤ r/(a − r); libm is trusted to two units in the last place
-            rad = np.where(low > 0, self.rad[:1] / low * (1 + 4 * EPS) + 4 * EPS * np.abs(mid), np.inf)
+            rad = np.where(
+                low > 0, self.rad[:1] / low * (1 + 4 * EPS) + 4 * EPS * np.abs(mid), np.inf
+            )
         return Series(mid, rad, self.order)._integrate_rate(self.derivative() / self)
 
     def _integrate_rate(self, rate: Series) -> Series:
@@ -274,9 +311,13 @@ class Series:
         if times == 0:
             return self
         if self.degree < times:
-            return Series(np.zeros_like(self.mid[:1]), np.zeros_like(self.rad[:1]), max(self.order - times, 0))
+            return Series(
+                np.zeros_like(self.mid[:1]), np.zeros_like(self.rad[:1]), max(self.order - times, 0)
+            )
         k = np.arange(times, self.degree + 1)
-        factors = np.prod([k - n for n in range(times)], axis=0).reshape(-1, *[1] * (self.mid.ndim - 1))
+        factors = np.prod([k - n for n in range(times)], axis=0).reshape(
+            -1, *[1] * (self.mid.ndim - 1)
+        )
         scale = factors * rate**times
         mid = self.mid[times:] * scale
         rad = self.rad[times:] * scale
@@ -292,7 +333,9 @@ class Series:
 
 
 def _sum_terms(terms: Array) -> Array:
-    """Return the sum over the first axis in order: numpy sums many numbers of a single cell in another one."""
+    """Return the sum over the first axis in order: numpy sums many numbers of a single cell in
+    another one.
+    """
     total: Array = terms[0]
     for term in terms[1:]:
         total = total + term

@@ -1,8 +1,10 @@
-"""A tape run in Taylor models: what `kinematics.foundation.taylor_model.Series` does, in one compiled loop over cells.
+"""A tape run in Taylor models: what `kinematics.foundation.taylor_model.Series` does, in one
+compiled loop over cells.
 
-Every operation is that of `Series`, with the same balls in the same order, so that both give the same numbers to the
-last bit but for sines, of which either library is trusted to two units in the last place. A value is kept as
-coefficients (order + 1, BLOCK) with the degree up to which they are not zero.
+Every operation is that of `Series`, with the same balls in the same order, so that both give the
+same numbers to the last bit but for sines, of which either library is trusted to two units in the
+last place. A value is kept as coefficients (order + 1, BLOCK) with the degree up to which they are
+not zero.
 """
 
 import casadi as ca
@@ -41,12 +43,16 @@ LEFT_TO_SERIES = {EXP, LOG}
 
 def is_enclosable(function: ca.Function) -> bool:
     """Whether every operation of a tape is known here."""
-    return not LEFT_TO_SERIES & {function.instruction_id(k) for k in range(function.n_instructions())}
+    return not LEFT_TO_SERIES & {
+        function.instruction_id(k) for k in range(function.n_instructions())
+    }
 
 
 @kernel
 def lower_degrees(mid: Floats3, rad: Floats3, degrees: Ints1) -> None:
-    """Lower degrees (k,) to the highest power of mid and rad (k, order + 1, N) that is there, each at least 0."""
+    """Lower degrees (k,) to the highest power of mid and rad (k, order + 1, N) that is there, each
+    at least 0.
+    """
     for k in range(len(degrees)):
         top, there = degrees[k] + 1, False
         while top > 1 and not there:
@@ -60,9 +66,17 @@ def lower_degrees(mid: Floats3, rad: Floats3, degrees: Ints1) -> None:
 
 @kernel
 def enclose_tape(
-    tape: Tape, order: int, degrees: Ints1, mid: Floats3, rad: Floats3, out_mid: Floats3, out_rad: Floats3
+    tape: Tape,
+    order: int,
+    degrees: Ints1,
+    mid: Floats3,
+    rad: Floats3,
+    out_mid: Floats3,
+    out_rad: Floats3,
 ) -> None:
-    """Fill out_mid and out_rad (m, order + 1, N) for inputs mid and rad (k, order + 1, N) of degrees (k,)."""
+    """Fill out_mid and out_rad (m, order + 1, N) for inputs mid and rad (k, order + 1, N) of
+    degrees (k,).
+    """
     count, size = mid.shape[2], len(tape.operation)
     spare, block = 6, BLOCK * max(MOST_BLOCKS // (order + 1), 1)
     m = np.zeros((tape.slots + spare, order + 1, block))
@@ -110,7 +124,10 @@ def enclose_tape(
                 degree[c] = degree[a]
                 for i in range(degree[a] + 1):
                     for n in range(width):
-                        m[c, i, n], r[c, i, n] = -m[a, i, n] if code == NEG else m[a, i, n], r[a, i, n]
+                        m[c, i, n], r[c, i, n] = (
+                            -m[a, i, n] if code == NEG else m[a, i, n],
+                            r[a, i, n],
+                        )
             elif code == SQRT:
                 _root(m, r, degree, a, c, s0, order, width)
             elif code in (SIN, COS):
@@ -128,7 +145,9 @@ def _fill(mid: Floats2, rad: Floats2, value: float, width: int) -> None:
 
 
 @kernel
-def _add(m: Floats3, r: Floats3, degree: Ints1, a: int, b: int, c: int, sign: float, width: int) -> None:
+def _add(
+    m: Floats3, r: Floats3, degree: Ints1, a: int, b: int, c: int, sign: float, width: int
+) -> None:
     top = max(degree[a], degree[b])
     for i in range(top + 1):
         for n in range(width):
@@ -269,7 +288,9 @@ def _divide(
 
 
 @kernel
-def _root(m: Floats3, r: Floats3, degree: Ints1, a: int, c: int, spare: int, order: int, width: int) -> None:
+def _root(
+    m: Floats3, r: Floats3, degree: Ints1, a: int, c: int, spare: int, order: int, width: int
+) -> None:
     """r_k = (a_k − Σ_{0<j<k} r_j r_{k−j}) / (2 r_0)."""
     mid, rad = m[spare], r[spare]
     for n in range(width):
@@ -284,7 +305,9 @@ def _root(m: Floats3, r: Floats3, degree: Ints1, a: int, c: int, spare: int, ord
             value = m[a, k, n] if k <= degree[a] else 0.0
             own = r[a, k, n] if k <= degree[a] else 0.0
             if k > 1:
-                part, part_rad = _convolve(mid[1:], rad[1:], k - 2, mid[1:], rad[1:], k - 2, k - 2, n)
+                part, part_rad = _convolve(
+                    mid[1:], rad[1:], k - 2, mid[1:], rad[1:], k - 2, k - 2, n
+                )
                 value -= part
                 own = (own + part_rad) * (1 + EPS) + EPS * abs(value)
             mid[k, n], rad[k, n] = _scale_ball(value, own, half, half_rad)
@@ -311,7 +334,15 @@ def _derive(m: Floats3, r: Floats3, degree: Ints1, a: int, c: int, width: int) -
 
 @kernel
 def _sincos(
-    m: Floats3, r: Floats3, degree: Ints1, a: int, c: int, spare: int, order: int, sine: bool, width: int
+    m: Floats3,
+    r: Floats3,
+    degree: Ints1,
+    a: int,
+    c: int,
+    spare: int,
+    order: int,
+    sine: bool,
+    width: int,
 ) -> None:
     """k s_k = Σ j θ_j c_{k−j},  k c_k = −Σ j θ_j s_{k−j}, with j from 1 to k."""
     rate, s, t = spare + 1, spare + 2, spare + 3
@@ -319,7 +350,8 @@ def _sincos(
     for n in range(width):
         angle, own = m[a, 0, n], r[a, 0, n]
         up, over = np.sin(angle), np.cos(angle)
-        # second-order bound, and never more than the whole range; libm is trusted to two units in the last place
+        # second-order bound, and never more than the whole range; libm is trusted to two units in
+        # the last place
         m[s, 0, n], m[t, 0, n] = up, over
         r[s, 0, n] = np.minimum(abs(over) * own + own**2 / 2, 2.0) * (1 + 4 * EPS) + 4 * EPS
         r[t, 0, n] = np.minimum(abs(up) * own + own**2 / 2, 2.0) * (1 + 4 * EPS) + 4 * EPS
@@ -369,7 +401,9 @@ def _atan2(
         met = own >= away or (over <= over_rad and abs(up) <= up_rad and over < 0)
         m[start, 0, n] = np.arctan2(up, over)
         # asin(t) ≤ t/√(1 − t²); libm is trusted to two units in the last place
-        r[start, 0, n] = np.inf if met else own / np.sqrt((away - own) * (away + own)) * (1 + 8 * EPS) + 8 * EPS
+        r[start, 0, n] = (
+            np.inf if met else own / np.sqrt((away - own) * (away + own)) * (1 + 8 * EPS) + 8 * EPS
+        )
     if order > 0:
         low = order - 1  # of what is derived
         _derive(m, r, degree, y, first, width)

@@ -1,7 +1,7 @@
 """Quantities of files and messages: text with a unit on the outside, SI numbers inside.
 
-Which units there are, what each is in SI, and the nearest one to a mistaken name. Angles are a dimension of their own
-here, so "10 deg/s" is no pulse rate and "3000 1/s" no angular speed.
+Which units there are, what each is in SI, and the nearest one to a mistaken name. Angles are a
+dimension of their own here, so "10 deg/s" is no pulse rate and "3000 1/s" no angular speed.
 """
 
 import re
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from pint import UnitRegistry
     from pydantic_core import CoreSchema
 
-# Only what machines and programs are measured in: pint's own thousand units would read slips of the pen as quantities.
+# Only what machines and programs are measured in: pint's own thousand units would read slips of the
+# pen as quantities.
 _DEFINITIONS = """
 nano- = 1e-9 = n-
 micro- = 1e-6 = µ- = u-
@@ -64,10 +65,13 @@ def _registry() -> "UnitRegistry[Decimal]":
     from pint import UnitRegistry
 
     # Decimal factors make "50.8 mm" the float nearest to 0.0508 and "90 deg" exactly π/2.
-    return UnitRegistry(_DEFINITIONS.strip().splitlines(), non_int_type=Decimal, on_redefinition="raise")
+    return UnitRegistry(
+        _DEFINITIONS.strip().splitlines(), non_int_type=Decimal, on_redefinition="raise"
+    )
 
 
-# What pint says of the units that most files use alone: to load and start it takes longer than to read such a file.
+# What pint says of the units that most files use alone: to load and start it takes longer than to
+# read such a file.
 _LENGTHS = {"m": "1", "mm": "0.001", "um": "0.000001", "in": "0.0254"}
 _ANGLES = {"rad": "1", "deg": "0.01745329251994329576923690768"}
 _RATES = {"": "", "/s": " / [time]", "/s^2": " / [time] ** 2", "/s^3": " / [time] ** 3"}
@@ -95,9 +99,12 @@ USUAL_UNITS = {
 
 
 def factor(unit: str, like: str = "") -> tuple[Decimal, str]:
-    """(how many SI units one `unit` is, its dimension). MotionError names an unknown unit and the nearest known one.
+    """(how many SI units one `unit` is, its dimension).
 
-    like  a unit of the dimension that is wanted: of a single unit, the nearest is sought among those of that dimension
+    MotionError names an unknown unit and the nearest known one.
+
+    like  a unit of the dimension that is wanted: of a single unit, the nearest is sought among
+          those of that dimension
     """
     return USUAL_UNITS[unit] if unit in USUAL_UNITS else factor_by_pint(unit, like)
 
@@ -109,9 +116,13 @@ def factor_by_pint(unit: str, like: str = "") -> tuple[Decimal, str]:
 
     registry = _registry()
     try:
-        one = registry.Quantity(Decimal(1), registry.parse_units(unit.replace("°", "deg"))).to_root_units()
+        one = registry.Quantity(
+            Decimal(1), registry.parse_units(unit.replace("°", "deg"))
+        ).to_root_units()
     except UndefinedUnitError as error:
-        unknown = error.unit_names if isinstance(error.unit_names, str) else next(iter(error.unit_names))
+        unknown = (
+            error.unit_names if isinstance(error.unit_names, str) else next(iter(error.unit_names))
+        )
         known = _unit_names()
         if like and unknown == unit:
             alike = [name for name in known if factor(name)[1] == factor(like)[1]]
@@ -126,7 +137,9 @@ def factor_by_pint(unit: str, like: str = "") -> tuple[Decimal, str]:
 @cache
 def _unit_names() -> tuple[str, ...]:
     """Every name and symbol of the definitions, with and without prefix."""
-    rows = [[word.strip() for word in line.split("=")] for line in _DEFINITIONS.strip().splitlines()]
+    rows = [
+        [word.strip() for word in line.split("=")] for line in _DEFINITIONS.strip().splitlines()
+    ]
     words = [[word for word in (row[0], *row[2:]) if word != "_"] for row in rows]
     prefixes = [word.removesuffix("-") for row in words for word in row if word.endswith("-")]
     units = [word for row in words for word in row if not word.endswith("-")]
@@ -142,7 +155,9 @@ MAX_DIGITS = 17
 """Significant digits by which any two floats differ."""
 
 _DECIMAL = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d{1,3})?(?![\d.])"
-_NUMBER = re.compile(rf"[+-]?(?:{_DECIMAL}|(?:nan|inf(?:inity)?)(?![a-z]))", re.ASCII | re.IGNORECASE)
+_NUMBER = re.compile(
+    rf"[+-]?(?:{_DECIMAL}|(?:nan|inf(?:inity)?)(?![a-z]))", re.ASCII | re.IGNORECASE
+)
 _FACTOR = r"[A-Za-zµ°]+(?:(?:\^|\*\*)-?[1-9])?"
 # how people write units that are none here
 _SLIPS = str.maketrans({"\\": "/", "²": "^2", "³": "^3", "·": "*", "×": "*"})
@@ -163,7 +178,9 @@ _EVERYDAY_UNITS = {
 
 
 def everyday_unit(unit: str) -> str:
-    """The unit that files and messages use for an SI unit: "mm/s" for "m/s", "deg" for "rad", else the unit itself."""
+    """The unit that files and messages use for an SI unit: "mm/s" for "m/s", "deg" for "rad", else
+    the unit itself.
+    """
     return _EVERYDAY_UNITS.get(unit, unit)
 
 
@@ -171,21 +188,27 @@ def quantity(text: object, unit: str) -> float:
     """A quantity such as "50.8 mm", "3000 1/s" or "35°" as the nearest float in SI (m, rad, s, kg).
 
     unit  any unit of the dimension wanted ("m/s", "deg")
-    Raises MotionError for a number without a unit, another dimension, an unknown unit, NaN and infinity. The text is
+    Raises MotionError for a number without a unit, another dimension, an unknown unit, NaN and
+    infinity. The text is
     matched against a strict pattern first; only its unit ever reaches pint.
     """
     return Unit(unit).quantity(text)
 
 
 def unit_value(name: object, unit: str) -> float:
-    """SI value of one `name`, which must be a unit of the dimension of `unit`: unit_value("mm", "m") is 0.001."""
+    """SI value of one `name`, which must be a unit of the dimension of `unit`: unit_value("mm",
+    "m") is 0.001.
+    """
     if not isinstance(name, str) or len(name) > MAX_LENGTH or not _UNIT.fullmatch(name):
-        raise MotionError(f'{describe_value(name)} is not a unit: write e.g. "{everyday_unit(unit)}"')
+        raise MotionError(
+            f'{describe_value(name)} is not a unit: write e.g. "{everyday_unit(unit)}"'
+        )
     try:
         return _parse(f"1 {name}", unit)
     except BadValue as error:
         raise BadValue(
-            f'{describe_value(name)}: {error}: write e.g. "{everyday_unit(unit)}"', nearest=error.nearest
+            f'{describe_value(name)}: {error}: write e.g. "{everyday_unit(unit)}"',
+            nearest=error.nearest,
         ) from None
 
 
@@ -195,20 +218,26 @@ def describe(value: float, unit: str) -> str:
 
 
 def round_up_digits(value: float, digits: int = 4) -> str:
-    """A positive number that a message advises, rounded up to so many digits: 0.0339801 is "0.03399"."""
+    """A positive number that a message advises, rounded up to so many digits: 0.0339801 is
+    "0.03399".
+    """
     scale = 10.0 ** (digits - 1 - floor(log10(value)))
     return f"{ceil(value * scale) / scale:.{digits}g}"
 
 
 def floor_percent(share: float) -> str:
-    """A share of a limit in per cent, two decimals, rounded down: 0.99996 is "99.99", not all of it."""
+    """A share of a limit in per cent, two decimals, rounded down: 0.99996 is "99.99", not all of
+    it.
+    """
     return f"{floor(1e4 * share + 1e-6) / 100:.2f}"  # 0.9989 times 1e4 is below 9989
 
 
 def format_distinct(*values: float, digits: int = 6) -> tuple[str, ...]:
-    """Numbers that a message holds against each other, with so many digits, or as many more as tell them apart.
+    """Numbers that a message holds against each other, with so many digits, or as many more as tell
+    them apart.
 
-    A value that is beyond its limit by rounding reads so: apart(5000.0000001, 5000) is "5000.0000001", "5000".
+    A value that is beyond its limit by rounding reads so: apart(5000.0000001, 5000) is
+    "5000.0000001", "5000".
     """
     texts: tuple[str, ...] = ()
     for some in range(digits, MAX_DIGITS + 1):
@@ -221,13 +250,16 @@ def format_distinct(*values: float, digits: int = 6) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """What a float of a file's schema accepts: text with a unit of this dimension, in SI, within bounds.
+    """What a float of a file's schema accepts: text with a unit of this dimension, in SI, within
+    bounds.
 
     above        the value is greater, SI
     least, most  the value is no smaller, no greater, SI
-    plain        the file's key that declares the unit of plain numbers ("length"); None: every number needs its own
+    plain        the file's key that declares the unit of plain numbers ("length"); None: every
+                 number needs its own
     like         a usual value, for messages; None: 20 of the everyday unit
-    file_unit    in which files are written; empty: mm for m, mm/s for m/s and so on, else the unit itself
+    file_unit    in which files are written; empty: mm for m, mm/s for m/s and so on, else the unit
+                 itself
     unit_written  files are written with the unit, even where plain numbers are read
     """
 
@@ -256,12 +288,21 @@ class Unit:
         """The range, in words: "above 0 mm/s"; of what has no bounds, its unit."""
         unit = everyday_unit(self.unit)
         sides = (("above", self.above), ("at least", self.least), ("at most", self.most))
-        bounds = " and ".join(f"{side} {describe(bound, unit)}" for side, bound in sides if isfinite(bound))
+        bounds = " and ".join(
+            f"{side} {describe(bound, unit)}" for side, bound in sides if isfinite(bound)
+        )
         return bounds or f"a quantity in {unit}, or in a unit that converts to it"
 
     def read(self, value: object, declared: Mapping[str, float]) -> float:
-        """The value in SI; `declared` holds the SI value of one plain number by name. Raises MotionError."""
-        if self.plain is not None and isinstance(value, (int, float)) and not isinstance(value, bool):
+        """The value in SI; `declared` holds the SI value of one plain number by name.
+
+        Raises MotionError.
+        """
+        if (
+            self.plain is not None
+            and isinstance(value, (int, float))
+            and not isinstance(value, bool)
+        ):
             number = self._plain(self.plain, value, declared)
         else:
             number = self.quantity(value)
@@ -269,19 +310,28 @@ class Unit:
             unit = everyday_unit(self.unit)
             other = isinstance(value, str) and unit not in value and number
             converted = f", which is {describe(number, unit)}," if other else ""
-            raise BadValue(f"{describe_value(value)}{converted} must be {self.range_text}", allowed=self.range_text)
+            raise BadValue(
+                f"{describe_value(value)}{converted} must be {self.range_text}",
+                allowed=self.range_text,
+            )
         self._refuse_size(value, number)
         return number
 
     def _refuse_size(self, value: object, number: float) -> None:
-        """What no machine has and no computation bears: too large, or of what must be above 0, too small."""
+        """What no machine has and no computation bears: too large, or of what must be above 0, too
+        small.
+        """
         unit, largest = everyday_unit(self.unit), most(self.unit)
         if abs(number) > largest:
             allowed = f"at most {describe(largest, unit)}"
-            raise BadValue(f"{describe_value(value)}: too large: {allowed} can be taken", allowed=allowed)
+            raise BadValue(
+                f"{describe_value(value)}: too large: {allowed} can be taken", allowed=allowed
+            )
         if self.above == 0 and number < MIN_MAGNITUDE:
             allowed = f"at least {describe(MIN_MAGNITUDE, unit)}"
-            raise BadValue(f"{describe_value(value)}: too small: {allowed} can be taken", allowed=allowed)
+            raise BadValue(
+                f"{describe_value(value)}: too small: {allowed} can be taken", allowed=allowed
+            )
 
     def quantity(self, text: object) -> float:
         """A quantity with its unit, in SI, whatever its bounds. Raises MotionError."""
@@ -301,7 +351,10 @@ class Unit:
         if name not in declared:
             unit = everyday_unit(self.unit)
             remedy = f'add the line {name} = "{unit}" at the top, or write "{describe_value(value)} {unit}"'
-            raise BadValue(f"{describe_value(value)}: a number without a unit: {remedy}", allowed=self.range_text)
+            raise BadValue(
+                f"{describe_value(value)}: a number without a unit: {remedy}",
+                allowed=self.range_text,
+            )
         return number
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> "CoreSchema":
@@ -330,7 +383,9 @@ AngularSpeed = Annotated[float, Unit("rad/s")]
 
 
 def describe_value(value: object) -> str:
-    """A value of a file as a message shows it: one line, of bounded length, nothing that a terminal would obey."""
+    """A value of a file as a message shows it: one line, of bounded length, nothing that a terminal
+    would obey.
+    """
     text = _describe_raw(value)
     return text if len(text) <= MAX_LENGTH else f"{text[:40]} ..."
 
@@ -346,7 +401,10 @@ def _describe_raw(value: object) -> str:
         case dict():
             return (
                 "{ "
-                + ", ".join(f"{key} = {describe_value(entry)}" for key, entry in [*value.items()][:MAX_LENGTH])
+                + ", ".join(
+                    f"{key} = {describe_value(entry)}"
+                    for key, entry in [*value.items()][:MAX_LENGTH]
+                )
                 + " }"
             )
     try:
@@ -377,7 +435,8 @@ def _parse(text: object, unit: str) -> float:
         meant = _POWER.sub(r"\1^\2", tail.translate(_SLIPS))
         like = meant if _UNIT.fullmatch(meant) else ""
         raise BadValue(
-            f"{describe_value(tail)} is not a unit" + (f', nearest is "{like}"' if like else ""), nearest=like
+            f"{describe_value(tail)} is not a unit" + (f', nearest is "{like}"' if like else ""),
+            nearest=like,
         )
     (scale, dimension), (_, wanted) = factor(tail, unit), factor(unit)
     if dimension != wanted:

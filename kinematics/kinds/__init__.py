@@ -1,1 +1,3 @@
-"""The files of each kind of machine: the schema of its TOML, and what makes the machine of a valid one."""
+"""The files of each kind of machine: the schema of its TOML, and what makes the machine of a valid
+one.
+"""

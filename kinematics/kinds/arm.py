@@ -1,6 +1,7 @@
 """The serial arm: a yaw and two parallel joints (3R); its TOML, and its joints read from a URDF.
 
-pinocchio reads it where it is installed. Nothing else imports that; `kinematics.analysis.dynamics` takes it from here.
+pinocchio reads it where it is installed. Nothing else imports that; `kinematics.analysis.dynamics`
+takes it from here.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -26,7 +27,14 @@ from kinematics.foundation.units import Angle, describe_value
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, RotaryAxis, axes
 from kinematics.kinds.load_keys import LoadedFile
 from kinematics.kinds.traverser import nearest_turn
-from kinematics.kinds.urdf import MAX_BASE_DISTANCE, Joints, faults_of, parse_urdf, read_joints, refuse_other_motion
+from kinematics.kinds.urdf import (
+    MAX_BASE_DISTANCE,
+    Joints,
+    faults_of,
+    parse_urdf,
+    read_joints,
+    refuse_other_motion,
+)
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, side
 from kinematics.machine.load import Body, Load
@@ -58,14 +66,16 @@ FORM_TOLERANCE = 1e-9
 class Arm(Machine):
     """3R arm: yaw about a vertical axis, then two joints with horizontal, parallel axes.
 
-    In the upright plane that the yaw turns, r outwards and z up from the second joint, with E = A₃ − A₂:
+    In the upright plane that the yaw turns, r outwards and z up from the second joint, with E = A₃
+    − A₂:
 
-        r = l₂ cos A₂ + l₃ cos A₃,   z = l₂ sin A₂ + l₃ sin A₃,   cos E = (r² + z² − l₂² − l₃²)/(2 l₂ l₃),
+        r = l₂ cos A₂ + l₃ cos A₃,   z = l₂ sin A₂ + l₃ sin A₃,   cos E = (r² + z² − l₂² − l₃²)/(2
+                                     l₂ l₃),
         A₂ = atan2(z, r) − atan2(l₃ sin E, l₂ + l₃ cos E);
 
-    the joints turn by A₂ and E less what they are at q = 0. Elbow (the sign of E), side (whether the arm reaches to the
-    front of its yaw or over its back) and turns are those at `near`; a pose that only the other side reaches gets that.
-    x, y, z are controlled, the orientation follows.
+    the joints turn by A₂ and E less what they are at q = 0. Elbow (the sign of E), side (whether
+    the arm reaches to the front of its yaw or over its back) and turns are those at `near`; a pose
+    that only the other side reaches gets that. x, y, z are controlled, the orientation follows.
     """
 
     freedom = ("x", "y", "z")
@@ -89,7 +99,10 @@ class Arm(Machine):
         for what, off in (
             ("the first joint's axis must be upright", float(np.hypot(yaw[0], yaw[1]))),
             ("the second joint's axis must be level", abs(float(second[2]))),
-            ("the third joint's axis must be parallel to the second's", float(np.linalg.norm(np.cross(second, third)))),
+            (
+                "the third joint's axis must be parallel to the second's",
+                float(np.linalg.norm(np.cross(second, third))),
+            ),
         ):
             if off > FORM_TOLERANCE:
                 degrees = np.rad2deg(np.arcsin(min(off, 1.0)))
@@ -100,8 +113,13 @@ class Arm(Machine):
         (r2, r3), (z2, z3) = legs @ outwards, legs[:, 2]
         self.upper, self.fore = float(np.hypot(r2, z2)), float(np.hypot(r3, z3))
         if min(self.upper, self.fore) < FORM_TOLERANCE:
-            raise MotionError(f"machine {name}: its links measure {self.upper} m and {self.fore} m; neither may vanish")
-        self.out, self.height = float((joints.points[1] - joints.points[0]) @ outwards), float(joints.points[1, 2])
+            raise MotionError(
+                f"machine {name}: its links measure {self.upper} m and {self.fore} m; neither may vanish"
+            )
+        self.out, self.height = (
+            float((joints.points[1] - joints.points[0]) @ outwards),
+            float(joints.points[1, 2]),
+        )
         self.aside = -float((joints.tool - joints.points[0]) @ across)
         self._sense = np.array([np.sign(yaw[2]), 1.0, float(np.sign(second @ third))])
         a2, a3 = np.arctan2(z2, r2), np.arctan2(z3, r3)
@@ -126,7 +144,9 @@ class Arm(Machine):
         return ca.vertcat(*(self._joint(k, *angle, near[k]) for k, angle in enumerate(angles)))
 
     def _joint(self, k: int, sine: ca.SX, cosine: ca.SX, near: ca.SX) -> ca.SX:
-        """q_k, near, of the angle sense·q + zero that has this sine and cosine (times what is positive)."""
+        """q_k, near, of the angle sense·q + zero that has this sine and cosine (times what is
+        positive).
+        """
         sense, zero = float(self._sense[k]), float(self._zero[k])
         return sense * (nearest_turn(sine, cosine, sense * near + zero) - zero)
 
@@ -141,33 +161,52 @@ class Arm(Machine):
         return position, oriented
 
     def _joint_motions(self, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
-        """Per joint, the motion p, R: r -> p + R r that it gives to what it moves, from where that lies at q = 0."""
+        """Per joint, the motion p, R: r -> p + R r that it gives to what it moves, from where that
+        lies at q = 0.
+        """
         place, turned, frames = ca.SX.zeros(3), ca.SX.eye(3), []
-        for k, (on, axis) in enumerate(zip(self.joints.points, self.joints.directions, strict=True)):
+        for k, (on, axis) in enumerate(
+            zip(self.joints.points, self.joints.directions, strict=True)
+        ):
             skew, point = ca.skew(ca.DM(axis)), ca.DM(on)
             turn = ca.SX.eye(3) + ca.sin(q[k]) * skew + (1 - ca.cos(q[k])) * (skew @ skew)
             place, turned = place + turned @ (point - turn @ point), turned @ turn
             frames.append((place, turned))
         return frames
 
-    def moving_bodies(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
+    def moving_bodies(
+        self, position: ca.SX, rotation: ca.SX, q: ca.SX
+    ) -> tuple[tuple[Body, ca.SX], ...]:
         """The links, and the tool as the last of them carries it: all by the coordinates alone."""
         frames = self._joint_motions(q)
         place, turned = frames[-1]
-        tool = column(place + turned @ ca.DM(self.joints.tool), turned @ ca.DM(self.joints.tool_rotation))
+        tool = column(
+            place + turned @ ca.DM(self.joints.tool), turned @ ca.DM(self.joints.tool_rotation)
+        )
         links = zip(self.joints.links, frames, strict=False)
-        return ((self.load.platform, tool), *((Body(*link), column(*frame)) for link, frame in links))
+        return (
+            (self.load.platform, tool),
+            *((Body(*link), column(*frame)) for link, frame in links),
+        )
 
     def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
-        """The column up to the shoulder's height, and every link from its joint to the next, or to the tool."""
+        """The column up to the shoulder's height, and every link from its joint to the next, or to
+        the tool.
+        """
         yaw, shoulder, elbow = self.joints.points
         foot, top = (ca.DM([yaw[0], yaw[1], height]) for height in (0.0, shoulder[2]))
         hinge, bend, tip = (
             place + turned @ ca.DM(end)
-            for (place, turned), end in zip(self._joint_motions(q), (shoulder, elbow, self.joints.tool), strict=True)
+            for (place, turned), end in zip(
+                self._joint_motions(q), (shoulder, elbow, self.joints.tool), strict=True
+            )
         )
         first, second, third = (axis.name for axis in self.axes)
-        bars = [Bar("link", foot, top, first), Bar("link", hinge, bend, second), Bar("link", bend, tip, third)]
+        bars = [
+            Bar("link", foot, top, first),
+            Bar("link", hinge, bend, second),
+            Bar("link", bend, tip, third),
+        ]
         if np.hypot(*(shoulder - yaw)[:2]) > FORM_TOLERANCE:
             bars.insert(1, Bar("link", top, hinge, first))
         return Skeleton(tuple(bars), (Pivot(top), Pivot(hinge), Pivot(bend)))
@@ -176,11 +215,18 @@ class Arm(Machine):
         """The tool's pose at joint angles (N, 3) or (3,): the product of the joints' turns."""
         from scipy.spatial.transform import RigidTransform, Rotation
 
-        pose = RigidTransform.from_components(self.joints.tool, Rotation.from_matrix(self.joints.tool_rotation))
+        pose = RigidTransform.from_components(
+            self.joints.tool, Rotation.from_matrix(self.joints.tool_rotation)
+        )
         for k in reversed(range(3)):
             axis, on = self.joints.directions[k], self.joints.points[k]
             turn = RigidTransform.from_rotation(Rotation.from_rotvec(q[..., k, None] * axis))
-            pose = RigidTransform.from_translation(on) * turn * RigidTransform.from_translation(-on) * pose
+            pose = (
+                RigidTransform.from_translation(on)
+                * turn
+                * RigidTransform.from_translation(-on)
+                * pose
+            )
         return pose
 
     @cached_property
@@ -228,7 +274,9 @@ def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
     try:
         model = pin.buildModelFromUrdf(str(path))
     except (ValueError, RuntimeError) as failure:
-        raise FileError(str(path), [Fault("", f"{failure} (the parser says why on stderr)")]) from failure
+        raise FileError(
+            str(path), [Fault("", f"{failure} (the parser says why on stderr)")]
+        ) from failure
     faults = list(_faults(model, list(joints), tool))
     if faults:
         raise FileError(str(path), faults)
@@ -240,27 +288,40 @@ def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
         speeds = np.zeros(3)
         speeds[model.joints[joint].idx_v] = 1.0
         pin.forwardKinematics(model, data, pin.neutral(model), speeds)
-        spin = pin.getVelocity(model, data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).angular.copy()
+        spin = pin.getVelocity(
+            model, data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        ).angular.copy()
         if not abs(np.linalg.norm(spin) - 1) < 1e-9:
-            raise FileError(str(path), [Fault("joints", f'{name!r} has no axis: write e.g. <axis xyz="0 0 1"/>')])
+            raise FileError(
+                str(path),
+                [Fault("joints", f'{name!r} has no axis: write e.g. <axis xyz="0 0 1"/>')],
+            )
         directions.append(spin)
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     frame = data.oMf[model.getFrameId(tool)]
     points = [data.oMi[joint].translation.copy() for joint in numbers]
     if not np.abs([*points, frame.translation]).max() < MAX_BASE_DISTANCE:
-        raise FileError(str(path), [Fault("joints", f"they do not all lie within {MAX_BASE_DISTANCE:g} m of the base")])
+        raise FileError(
+            str(path),
+            [Fault("joints", f"they do not all lie within {MAX_BASE_DISTANCE:g} m of the base")],
+        )
     moved = [data.oMi[joint].act(model.inertias[joint]) for joint in numbers]
     return Joints(
         freeze_array(points),
         freeze_array(directions),
         freeze_array(frame.translation),
         freeze_array(frame.rotation),
-        tuple((float(link.mass), freeze_array(link.lever), freeze_array(link.inertia)) for link in moved),
+        tuple(
+            (float(link.mass), freeze_array(link.lever), freeze_array(link.inertia))
+            for link in moved
+        ),
     )
 
 
 def _faults(model: Any, joints: list[str], tool: str) -> list[Fault]:
-    """What keeps a model from being three joints that turn, one after the other, the last with the tool."""
+    """What keeps a model from being three joints that turn, one after the other, the last with the
+    tool.
+    """
     names = list(model.names)[1:]
     there = f"there are {', '.join(names)}"
     faults = [
@@ -273,7 +334,9 @@ def _faults(model: Any, joints: list[str], tool: str) -> list[Fault]:
         if not model.existJointName(name)
     ]
     if not faults and (len(joints) != 3 or len(set(joints)) < 3 or model.njoints != 4):
-        faults = [Fault("joints", f"wanted are three joints that turn, {describe_value(joints)}; {there}")]
+        faults = [
+            Fault("joints", f"wanted are three joints that turn, {describe_value(joints)}; {there}")
+        ]
     if not isinstance(tool, str) or not model.existFrame(tool):
         known = [frame.name for frame in model.frames]
         told = f"there is no frame {describe_value(tool)}{nearest(str(tool), known)}; there are {', '.join(known)}"
@@ -282,14 +345,30 @@ def _faults(model: Any, joints: list[str], tool: str) -> list[Fault]:
         return faults
     numbers = [model.getJointId(name) for name in joints]
     for name, joint, before in zip(joints, numbers, [0, *numbers], strict=False):
-        if not model.joints[joint].shortname().startswith("JointModelR"):  # R…, Revolute…: pinocchio's that turn
-            faults.append(Fault("joints", f"{name!r} does not turn; an arm's joints are revolute or continuous"))
+        if (
+            not model.joints[joint].shortname().startswith("JointModelR")
+        ):  # R…, Revolute…: pinocchio's that turn
+            faults.append(
+                Fault(
+                    "joints", f"{name!r} does not turn; an arm's joints are revolute or continuous"
+                )
+            )
         elif model.parents[joint] != before:
-            faults.append(Fault("joints", f"{joints} do not follow each other; the order from the base is {names}"))
+            faults.append(
+                Fault(
+                    "joints",
+                    f"{joints} do not follow each other; the order from the base is {names}",
+                )
+            )
     carrier = model.frames[model.getFrameId(tool)].parentJoint
     if carrier != numbers[-1]:
         carried = repr(model.names[carrier]) if carrier else "nothing that moves"
-        faults.append(Fault("tool", f"frame {tool!r} is carried by {carried}, not by the last joint {joints[-1]!r}"))
+        faults.append(
+            Fault(
+                "tool",
+                f"frame {tool!r} is carried by {carried}, not by the last joint {joints[-1]!r}",
+            )
+        )
     return faults
 
 
@@ -297,11 +376,14 @@ class ArmGeometry(TableSchema):
     """How a serial arm is built."""
 
     urdf: str = key(
-        "URDF file in the folder of this file", remedy='write the name of a file in the same folder, e.g. "arm.urdf"'
+        "URDF file in the folder of this file",
+        remedy='write the name of a file in the same folder, e.g. "arm.urdf"',
     )
     joints: tuple[str, str, str] = key("names of the three joints in the URDF, from the base on")
     tool: str = key("name of the tool's link in the URDF")
-    home: tuple[Angle, Angle, Angle] = key("joint angles of the home pose: zero of travel and pulses")
+    home: tuple[Angle, Angle, Angle] = key(
+        "joint angles of the home pose: zero of travel and pulses"
+    )
 
 
 class ArmAxisTable(RotaryAxis):
@@ -333,7 +415,10 @@ def find_stray_axis_tables(data: Mapping[str, Any]) -> Iterator[tuple[Key, Motio
         name = table.get("name") if isinstance(table, dict) else None
         if isinstance(name, str) and name not in joints:
             told = f"{describe_value(name)} is no joint{nearest(name, joints)}; joints: {', '.join(joints)}"
-            yield ("axis", n, "name"), BadValue(told, allowed=", ".join(joints), nearest=closest(name, joints))
+            yield (
+                ("axis", n, "name"),
+                BadValue(told, allowed=", ".join(joints), nearest=closest(name, joints)),
+            )
 
 
 def joints_of(data: Mapping[str, Any]) -> tuple[str, ...]:
@@ -347,7 +432,9 @@ def joints_of(data: Mapping[str, Any]) -> tuple[str, ...]:
 def build_arm(file: ArmFile, name: str, folder: Path | Traversable) -> Arm:
     geometry = file.geometry
     if "/" in geometry.urdf or "\\" in geometry.urdf:
-        raise FileError(geometry.urdf, [Fault("urdf", "must be the name of a file beside the machine file")])
+        raise FileError(
+            geometry.urdf, [Fault("urdf", "must be the name of a file beside the machine file")]
+        )
     with as_file(folder / geometry.urdf) as path:
         joints = read_urdf(path, geometry.joints, geometry.tool)
     return Arm(joints, axes=file.list_axes(), home=geometry.home, name=name, load=file.load())

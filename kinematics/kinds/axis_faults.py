@@ -13,13 +13,19 @@ from kinematics.kinds.axis_keys import TRAVEL_KEYS
 def find_pulse_faults(
     names: Sequence[str], turning: Sequence[str], data: Mapping[str, Any]
 ) -> Iterator[tuple[Key, str]]:
-    """A table that states both a pulse and the drive that makes it, or neither where an axis has none of its own.
+    """A table that states both a pulse and the drive that makes it, or neither where an axis has
+    none of its own.
 
-    names, turning  of all axes, and of those that [rotary] is for, if the file has it; of no names nothing is known
+    names, turning  of all axes, and of those that [rotary] is for, if the file has it; of no names
+                    nothing is known
     """
     tables = data.get("axis", ())
     own: list[Any] = [*tables] if isinstance(tables, tuple) else []
-    stating = [each.get("name") for each in own if isinstance(each, dict) and {"pulse", "drive"} & each.keys()]
+    stating = [
+        each.get("name")
+        for each in own
+        if isinstance(each, dict) and {"pulse", "drive"} & each.keys()
+    ]
     for name in ("axes", "rotary"):
         table = data.get(name)
         given = _find_pulses(table)
@@ -35,15 +41,30 @@ def find_pulse_faults(
 
 
 def find_travel_faults(names: Sequence[str], data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
-    """Yield the faults of legs: tables that state travel and leg_length, and legs for which none states either."""
+    """Yield the faults of legs: tables that state travel and leg_length, and legs for which none
+    states either.
+    """
     tables = data.get("axis", ())
     single: list[Any] = [*tables] if isinstance(tables, tuple) else []
     common = data.get("axes")
-    stating = [table.get("name") for table in single if isinstance(table, dict) and TRAVEL_KEYS & table.keys()]
-    if isinstance(common, dict) and not TRAVEL_KEYS & common.keys() and not set(names) <= set(stating):
-        remedy = 'write e.g. ["0 mm", "50 mm"], counted from home, or leg_length = ["250 mm", "300 mm"]'
+    stating = [
+        table.get("name")
+        for table in single
+        if isinstance(table, dict) and TRAVEL_KEYS & table.keys()
+    ]
+    if (
+        isinstance(common, dict)
+        and not TRAVEL_KEYS & common.keys()
+        and not set(names) <= set(stating)
+    ):
+        remedy = (
+            'write e.g. ["0 mm", "50 mm"], counted from home, or leg_length = ["250 mm", "300 mm"]'
+        )
         yield ("axes", "travel"), f"missing: {remedy}"
-    places: list[tuple[Key, Any]] = [(("axes",), common), *((("axis", n), table) for n, table in enumerate(single))]
+    places: list[tuple[Key, Any]] = [
+        (("axes",), common),
+        *((("axis", n), table) for n, table in enumerate(single)),
+    ]
     for place, table in places:
         if isinstance(table, dict) and table.keys() >= TRAVEL_KEYS:
             yield (*place, "leg_length"), "travel and leg_length exclude each other: give one"
@@ -57,7 +78,9 @@ def _find_pulses(table: Any) -> set[str]:
     return {"pulse", "drive"} & table.keys() if isinstance(table, dict) else {"pulse"}
 
 
-def find_wiring_faults(names: Sequence[str], data: Mapping[str, Any]) -> Iterator[tuple[Key, MotionError]]:
+def find_wiring_faults(
+    names: Sequence[str], data: Mapping[str, Any]
+) -> Iterator[tuple[Key, MotionError]]:
     """Every key of [wiring] that is none of the axes' names; of no names nothing is known."""
     wiring = data.get("wiring")
     for name in wiring if isinstance(wiring, dict) and names else ():

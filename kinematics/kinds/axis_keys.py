@@ -1,4 +1,6 @@
-"""Tables of axes, which every kind's file has: `[axes]` for all, `[[axis]]` for what one has of its own, `[wiring]`."""
+"""Tables of axes, which every kind's file has: `[axes]` for all, `[[axis]]` for what one has of its
+own, `[wiring]`.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
@@ -15,7 +17,10 @@ from kinematics.kinds.shaper_keys import NO_SHAPER, StatedShaper, VibrationTable
 from kinematics.machine.axis import Axis, AxisKind, Magnitude, StepTiming, find_drive
 
 MOTOR_STEPS = (24, 48, 93, 96, 100, 200, 400)
-"""Full steps per revolution of motors [KMITL 2005, table 2.1]. The table prints 93 for 3.75°; 360/3.75 is 96."""
+"""Full steps per revolution of motors [KMITL 2005, table 2.1].
+
+The table prints 93 for 3.75°; 360/3.75 is 96.
+"""
 DIVISIONS = (*(1 << k for k in range(9)), 5, 10, 25, 50, 125, 250)
 """Microsteps that drives make of a full step: binary and decimal."""
 MICROSTEPS = frozenset(steps * division for steps in MOTOR_STEPS for division in DIVISIONS)
@@ -50,7 +55,9 @@ def _check_steps(count: int) -> int:
 
 
 def _magnitude(unit: str) -> Chosen:
-    """Annotation of a bound: one quantity, or two (towards smaller and towards greater positions)."""
+    """Annotation of a bound: one quantity, or two (towards smaller and towards greater
+    positions).
+    """
     one = Annotated[float, Unit(unit, above=0)]
     two = tuple.__class_getitem__((one, one))
     return Chosen(lambda value: two if isinstance(value, tuple) else one)
@@ -67,7 +74,9 @@ class PulseRateEdge(float):
 
 
 def _edge(unit: str) -> Chosen:
-    """Annotation of an edge of a resonance band: a speed, or the pulse rate at which the axis has it."""
+    """Annotation of an edge of a resonance band: a speed, or the pulse rate at which the axis has
+    it.
+    """
     speed, rate = (
         Annotated[float, Unit(unit, above=0)],
         Annotated[float, Unit("1/s", above=0), AfterValidator(PulseRateEdge)],
@@ -87,9 +96,13 @@ def _edge(unit: str) -> Chosen:
 def _check_bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     edges = [edge for band in bands for edge in band]
     if len({isinstance(edge, PulseRateEdge) for edge in edges}) > 1:
-        raise validation_error("mixes speeds and pulse rates: state all edges as the one or the other")
+        raise validation_error(
+            "mixes speeds and pulse rates: state all edges as the one or the other"
+        )
     if not edges or any(after <= before for before, after in pairwise(edges)):
-        raise validation_error("needs one or more bands, each from its lower to its upper speed, rising and apart")
+        raise validation_error(
+            "needs one or more bands, each from its lower to its upper speed, rising and apart"
+        )
     return bands
 
 
@@ -99,7 +112,9 @@ class TimingTable(TableSchema):
     high: Annotated[float, Unit("s", above=0, like="1 us", file_unit="us")] = key(
         "shortest time for which STEP is high"
     )
-    low: Annotated[float, Unit("s", above=0, like="1 us", file_unit="us")] = key("shortest time for which STEP is low")
+    low: Annotated[float, Unit("s", above=0, like="1 us", file_unit="us")] = key(
+        "shortest time for which STEP is low"
+    )
     setup: Annotated[float, Unit("s", least=0, like="1 us", file_unit="us")] = key(
         "shortest time from a change of DIR to the next rise of STEP"
     )
@@ -120,7 +135,11 @@ def _timing(stated: str | TimingTable) -> StepTiming:
         raise validation_error(error) from None
 
 
-Timing = Annotated[Any, Chosen(lambda value: str if isinstance(value, str) else TimingTable), AfterValidator(_timing)]
+Timing = Annotated[
+    Any,
+    Chosen(lambda value: str if isinstance(value, str) else TimingTable),
+    AfterValidator(_timing),
+]
 
 
 Gear = Annotated[float, Field(ge=1 / MAX_RATIO, le=MAX_RATIO), AllowInfNan(False)]
@@ -134,7 +153,9 @@ class LinearDrive(TableSchema):
 
     steps: Steps = key("steps per revolution of the motor, microsteps included")
     lead: Annotated[float, Unit("m", above=0)] = key("travel per revolution of the screw")
-    gear: Gear = key("gear ratio: revolutions of the motor per revolution of the screw", default=1.0)
+    gear: Gear = key(
+        "gear ratio: revolutions of the motor per revolution of the screw", default=1.0
+    )
 
     @property
     def pulse(self) -> float:
@@ -153,7 +174,9 @@ class RotaryDrive(TableSchema):
 
 
 class AxisTable(TableSchema):
-    """Travel, wiring and limits of an axis, as far as the file states them; an absent limit is none."""
+    """Travel, wiring and limits of an axis, as far as the file states them; an absent limit is
+    none.
+    """
 
     kind: ClassVar[AxisKind]
 
@@ -167,7 +190,9 @@ Table = TypeVar("Table", bound=AxisTable)
 def declares_keys(table: type[Table]) -> type[Table]:
     """Decorator: a table of axes with every key that an axis may have, in the units of its kind."""
     linear = table.kind == "linear"
-    way, force, viscosity, inertia = ("m", "N", "N*s/m", "kg") if linear else ("rad", "N*m", "N*m*s/rad", "kg*m^2")
+    way, force, viscosity, inertia = (
+        ("m", "N", "N*s/m", "kg") if linear else ("rad", "N*m", "N*m*s/rad", "kg*m^2")
+    )
     place = Annotated[float, Unit(way)]
     speed = Annotated[float, Unit(f"{way}/s", least=0)]
 
@@ -176,12 +201,24 @@ def declares_keys(table: type[Table]) -> type[Table]:
 
     class Keys(AxisTable):
         travel: Annotated[tuple[place, place], AfterValidator(check_range)] | None = key(
-            "lowest and highest position, counted from home", choose(TRAVEL, '["-90 deg", "90 deg"]'), None
+            "lowest and highest position, counted from home",
+            choose(TRAVEL, '["-90 deg", "90 deg"]'),
+            None,
         )
         pulse: (
-            Annotated[float, Unit(way, above=0, like=choose("0.75 um", "0.01 deg"), file_unit=choose("um", "rad"))]
+            Annotated[
+                float,
+                Unit(
+                    way, above=0, like=choose("0.75 um", "0.01 deg"), file_unit=choose("um", "rad")
+                ),
+            ]
             | None
-        ) = key(choose("travel per pulse", "angle per pulse"), choose('"1 um"', '"0.01 deg"'), None, instead=["drive"])
+        ) = key(
+            choose("travel per pulse", "angle per pulse"),
+            choose('"1 um"', '"0.01 deg"'),
+            None,
+            instead=["drive"],
+        )
         drive: Annotated[Any, Chosen(lambda _: LinearDrive if linear else RotaryDrive)] = key(
             choose(
                 "steps per revolution, microsteps included, and travel per revolution; with a gear: gear = 2.0",
@@ -194,8 +231,12 @@ def declares_keys(table: type[Table]) -> type[Table]:
         electronic_gear: tuple[Teeth, Teeth] | None = key(
             "electronic gear ratio [n, d]: the drive makes n/d steps per pulse", "[2, 1]", None
         )
-        pulse_factor: Annotated[float, Field(ge=1 / MAX_RATIO, le=MAX_RATIO), AllowInfNan(False)] | None = key(
-            "from a calibration: measured travel per pulse divided by the stated one", "1.0001", None
+        pulse_factor: (
+            Annotated[float, Field(ge=1 / MAX_RATIO, le=MAX_RATIO), AllowInfNan(False)] | None
+        ) = key(
+            "from a calibration: measured travel per pulse divided by the stated one",
+            "1.0001",
+            None,
         )
         direction: Annotated[int, AfterValidator(_check_direction)] | None = key(
             "1 if pulses count up as the position increases, -1 if they count down", "-1", None
@@ -216,7 +257,8 @@ def declares_keys(table: type[Table]) -> type[Table]:
             None,
         )
         max_force: Annotated[float, Unit(force, above=0)] | None = key(
-            choose("force limit", "torque limit") + " of the actuator; needs the mass in [platform]",
+            choose("force limit", "torque limit")
+            + " of the actuator; needs the mass in [platform]",
             choose('"220 N"', '"10 N*m"'),
             None,
         )
@@ -229,7 +271,10 @@ def declares_keys(table: type[Table]) -> type[Table]:
         ) = key(
             choose("force", "torque")
             + " that the motor has at each speed, speeds rising; needs the mass in [platform]",
-            choose('[["0 mm/s", "220 N"], ["50 mm/s", "80 N"]]', '[["0 deg/s", "10 N*m"], ["90 deg/s", "4 N*m"]]'),
+            choose(
+                '[["0 mm/s", "220 N"], ["50 mm/s", "80 N"]]',
+                '[["0 deg/s", "10 N*m"], ["90 deg/s", "4 N*m"]]',
+            ),
             None,
         )
         friction: Annotated[float, Unit(viscosity, least=0)] | None = key(
@@ -256,7 +301,10 @@ def declares_keys(table: type[Table]) -> type[Table]:
         )
         resonance: (
             Annotated[
-                tuple[tuple[Annotated[float, _edge(f"{way}/s")], Annotated[float, _edge(f"{way}/s")]], ...],
+                tuple[
+                    tuple[Annotated[float, _edge(f"{way}/s")], Annotated[float, _edge(f"{way}/s")]],
+                    ...,
+                ],
                 AfterValidator(_check_bands),
             ]
             | None
@@ -272,15 +320,24 @@ def declares_keys(table: type[Table]) -> type[Table]:
             needs=["resonance"],
         )
         backlash: Annotated[float, Unit(way, least=0)] | None = key(
-            choose("travel", "angle") + " lost at each reversal", choose('"0.01 mm"', '"0.02 deg"'), None
+            choose("travel", "angle") + " lost at each reversal",
+            choose('"0.01 mm"', '"0.02 deg"'),
+            None,
         )
         pushed: Literal["+", "-"] | None = key(
-            'backlash at the start: "+" as after a move towards greater positions, "-" towards smaller', '"+"', None
+            'backlash at the start: "+" as after a move towards greater positions, "-" towards smaller',
+            '"+"',
+            None,
         )
-        lead_error: Annotated[tuple[tuple[place, place], ...], AfterValidator(check_rising)] | None = key(
+        lead_error: (
+            Annotated[tuple[tuple[place, place], ...], AfterValidator(check_rising)] | None
+        ) = key(
             choose("screw", "position")
             + " error: pairs of a position from home, rising, and how far the axis is beyond it",
-            choose('[["0 mm", "0 mm"], ["50 mm", "0.01 mm"]]', '[["0 deg", "0 deg"], ["90 deg", "0.01 deg"]]'),
+            choose(
+                '[["0 mm", "0 mm"], ["50 mm", "0.01 mm"]]',
+                '[["0 deg", "0 deg"], ["90 deg", "0.01 deg"]]',
+            ),
             None,
         )
         compensate: tuple[Literal["lead", "backlash"], ...] | None = key(
@@ -302,7 +359,9 @@ def declares_keys(table: type[Table]) -> type[Table]:
         )
 
     bases: tuple[Any, ...] = (table, Keys)
-    made: type[Table] = create_model(table.__name__, __base__=bases, __module__=table.__module__, __doc__=table.__doc__)
+    made: type[Table] = create_model(
+        table.__name__, __base__=bases, __module__=table.__module__, __doc__=table.__doc__
+    )
     return made
 
 
@@ -337,7 +396,8 @@ OWN_AXES = key("values of one axis that differ: any key of [axes]; one table per
 class MachineFile(File):
     """What every kind's file has.
 
-    first_place   mm from home where the circle of a program to start from begins, within reach of the kind's presets
+    first_place   mm from home where the circle of a program to start from begins, within reach of
+                  the kind's presets
     """
 
     what: ClassVar[str] = "machine file"
@@ -350,20 +410,28 @@ class MachineFile(File):
         "motion card of each axis, and its channel on the card, counted from 0", default={}
     )
     vibration: tuple[VibrationTable, ...] = key(
-        "vibration along a direction: each axis that moves the platform along it gets this shaper too", default=()
+        "vibration along a direction: each axis that moves the platform along it gets this shaper too",
+        default=(),
     )
 
     def list_axes(self) -> list[Axis] | None:
-        """List the axes as the file states them; None: only the machine has them. Raises MotionError."""
+        """List the axes as the file states them; None: only the machine has them.
+
+        Raises MotionError.
+        """
         return None
 
     def list_freedom(self) -> tuple[str, ...]:
-        """List the components of a pose that the machine controls. A kind with `list_axes` has this too."""
+        """List the components of a pose that the machine controls.
+
+        A kind with `list_axes` has this too.
+        """
         raise NotImplementedError
 
     @staticmethod
     def geometry_of(machine: Any, complete: bool) -> Mapping[str, Any] | None:
-        """What [geometry] says of a machine of the kind, by key, SI; None: machines of the kind are not written.
+        """What [geometry] says of a machine of the kind, by key, SI; None: machines of the kind are
+        not written.
 
         complete  with what holds where nothing is said
         """
@@ -371,8 +439,12 @@ class MachineFile(File):
 
     @classmethod
     def tables_of(cls, name: str) -> list[type[TableSchema]]:
-        """The schemas of which a table of the file has one; none where the file has no such table."""
-        return list(tables_in(cls.model_fields[name].annotation)) if name in cls.model_fields else []
+        """The schemas of which a table of the file has one; none where the file has no such
+        table.
+        """
+        return (
+            list(tables_in(cls.model_fields[name].annotation)) if name in cls.model_fields else []
+        )
 
 
 def axes(
@@ -382,7 +454,9 @@ def axes(
     file: MachineFile,
     home_lengths: Callable[[], Array] | None = None,
 ) -> list[Axis]:
-    """Return the axes by name: the values of their kind, then those of each axis. A `drive` gives the pulse.
+    """Return the axes by name: the values of their kind, then those of each axis.
+
+    A `drive` gives the pulse.
 
     home_lengths  gives the lengths of legs at home, which turn `leg_length` into travel
     """
@@ -406,17 +480,26 @@ def axes(
 
 
 def _resolve_pulse(values: dict[str, Any]) -> dict[str, Any]:
-    """With the pulse as it is behind its factor and the drive's gear, and pulse rates of resonance as speeds."""
+    """With the pulse as it is behind its factor and the drive's gear, and pulse rates of resonance
+    as speeds.
+    """
     steps, pulses = values.pop("electronic_gear", (1, 1))
     factor = values.pop("pulse_factor", 1.0)
     pulse = values["pulse"] * factor * steps / pulses
     if bands := values.get("resonance"):
-        speeds = (tuple(edge * pulse if isinstance(edge, PulseRateEdge) else edge for edge in band) for band in bands)
+        speeds = (
+            tuple(edge * pulse if isinstance(edge, PulseRateEdge) else edge for edge in band)
+            for band in bands
+        )
         values = values | {"resonance": tuple(speeds)}
     return values | {"pulse": pulse}
 
 
 def _stated_values(table: Any) -> dict[str, Any]:
-    values = {name: value for name in type(table).model_fields if (value := getattr(table, name)) is not None}
+    values = {
+        name: value
+        for name in type(table).model_fields
+        if (value := getattr(table, name)) is not None
+    }
     drive = values.pop("drive", None)
     return values | ({"pulse": drive.pulse} if drive is not None else {})

@@ -1,4 +1,7 @@
-"""A machine that its file states by formulas of the inverse map; and that file's TOML. Nothing of it is code."""
+"""A machine that its file states by formulas of the inverse map; and that file's TOML.
+
+Nothing of it is code.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -41,7 +44,9 @@ from kinematics.machine.pose import COMPONENTS, PoseLike, to_numbers
 POSITIONS = ("x", "y", "z")
 ROTATIONS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
 TRIED_TURN, SAME_COORDINATES = 0.01, 1e-9
-"""rad by which home is turned to try formulas of the orientation, and by which coordinates may come back other."""
+"""rad by which home is turned to try formulas of the orientation, and by which coordinates may come
+back other.
+"""
 COORDINATE = "q"
 """What formulas of bars call the coordinate of their axis."""
 RESERVED = (*POSITIONS, *ROTATIONS, COORDINATE)
@@ -49,7 +54,9 @@ RESERVED = (*POSITIONS, *ROTATIONS, COORDINATE)
 
 @dataclass(frozen=True, slots=True)
 class BarFormulas:
-    """A bar to draw for each axis: three formulas (m, base frame) of either end, which may contain q."""
+    """A bar to draw for each axis: three formulas (m, base frame) of either end, which may contain
+    q.
+    """
 
     start: tuple[str, str, str]
     end: tuple[str, str, str]
@@ -58,27 +65,34 @@ class BarFormulas:
 
 @dataclass(frozen=True, slots=True)
 class TurnFormula:
-    """A turn about a coordinate axis, by a formula (rad) of the coordinates of the axes, by their names."""
+    """A turn about a coordinate axis, by a formula (rad) of the coordinates of the axes, by their
+    names.
+    """
 
     about: Literal["x", "y", "z"]
     angle: str
 
 
 class Equations(Machine):
-    """q_k = f_k(x, y, z, r11 … r33): a formula for each axis, of the pose in the base frame, in m and rad.
+    """q_k = f_k(x, y, z, r11 … r33): a formula for each axis, of the pose in the base frame, in m
+    and rad.
 
-    moves         the components of the pose that it controls, as many as it has axes; the others are held as at home
-    follows       of rx, ry, rz, those that go along with them, as the spin of the tool of a five-axis machine does
+    moves         the components of the pose that it controls, as many as it has axes; the others
+                  are held as at home
+    follows       of rx, ry, rz, those that go along with them, as the spin of the tool of a
+                  five-axis machine does
     room          (3, 2) m from which to which x, y and z may be, in the base frame; None: anywhere
-    orientation   where some follow: the platform's orientation in the base frame, turn after turn of moved axes
+    orientation   where some follow: the platform's orientation in the base frame, turn after turn
+                  of moved axes
     coordinates   a formula for each axis, or one for all: see `kinematics.foundation.formula`
     constants     name -> a number (SI), or one number for each axis
     definitions   name -> a formula of the pose, of constants and of definitions before it
     bars          what is drawn
     length        m that count as one radian
 
-    r11 … r33 are the rotation matrix of the platform, row and column. A rotary axis takes the turn of its angle that is
-    nearest to where it stands. Raises MotionError, with what is allowed, for a formula that is none.
+    r11 … r33 are the rotation matrix of the platform, row and column. A rotary axis takes the turn
+    of its angle that is nearest to where it stands. Raises MotionError, with what is allowed, for a
+    formula that is none.
     """
 
     def __init__(
@@ -101,19 +115,29 @@ class Equations(Machine):
         given = tuple(axes)
         for component in moves:
             if component not in COMPONENTS:
-                told = (
-                    f"machine {name}: moves {describe_value(component)}{nearest(component, COMPONENTS)}; components: "
+                told = f"machine {name}: moves {describe_value(component)}{nearest(component, COMPONENTS)}; components: "
+                raise BadValue(
+                    told + ", ".join(COMPONENTS),
+                    key=("moves",),
+                    nearest=closest(component, COMPONENTS),
                 )
-                raise BadValue(told + ", ".join(COMPONENTS), key=("moves",), nearest=closest(component, COMPONENTS))
         if len(set(moves)) < len(moves):
-            raise BadValue(f"machine {name}: moves {', '.join(moves)}: name each component once", key=("moves",))
+            raise BadValue(
+                f"machine {name}: moves {', '.join(moves)}: name each component once",
+                key=("moves",),
+            )
         self.freedom = tuple(component for component in COMPONENTS if component in moves)
         self.follows, self.orientation = tuple(follows), tuple(orientation)
         if twice := [component for component in follows if component in moves]:
-            raise BadValue(f"machine {name}: {twice[0]} is among moves and follows: choose one", key=("follows",))
+            raise BadValue(
+                f"machine {name}: {twice[0]} is among moves and follows: choose one",
+                key=("follows",),
+            )
         if bool(follows) != bool(orientation):
             told = "follows and orientation need each other: say what follows, and how the joints turn the platform"
-            raise BadValue(f"machine {name}: {told}", key=("follows" if follows else "orientation",))
+            raise BadValue(
+                f"machine {name}: {told}", key=("follows" if follows else "orientation",)
+            )
         if room is not None:
             self.room = check_room(name, room)
         count = len(self.freedom)
@@ -127,7 +151,9 @@ class Equations(Machine):
             )
         self.coordinates, self.bars = texts, tuple(bars)
         self.definitions = dict(definitions or {})
-        self._constants = [self._constants_of(name, constants or {}, k, count) for k in range(count)]
+        self._constants = [
+            self._constants_of(name, constants or {}, k, count) for k in range(count)
+        ]
         self.sorts = tuple(axis.kind for axis in given)
         self.characteristic_length = float(
             finite_array(length, f"machine {name}: length", (), unit="m", least=LEAST_POSITIVE)
@@ -143,7 +169,9 @@ class Equations(Machine):
             self._check_orientation()
 
     def _check_orientation(self) -> None:
-        """Raise MotionError where the orientation that is stated is of other coordinates than it was made from."""
+        """Raise MotionError where the orientation that is stated is of other coordinates than it
+        was made from.
+        """
         from scipy.spatial.transform import Rotation
 
         poses = to_numbers(self.home) + np.zeros((1 + 3, 1))
@@ -155,7 +183,9 @@ class Equations(Machine):
         if not off.max() < SAME_COORDINATES:
             k = int(np.nanargmax(off.max(0))) if np.isfinite(off).any() else 0
             told = "the orientation that is stated has other coordinates than those that it is worked out from"
-            raise BadValue(f"machine {self.name}: axis {self.axes[k].name}: {told}", key=("orientation",))
+            raise BadValue(
+                f"machine {self.name}: axis {self.axes[k].name}: {told}", key=("orientation",)
+            )
 
     def fill_pose(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         if not self.follows:
@@ -175,25 +205,35 @@ class Equations(Machine):
         return {name: row[0] if len(set(row)) == 1 else row for name, row in found.items()}
 
     @staticmethod
-    def _constants_of(name: str, constants: Mapping[str, ArrayLike], k: int, count: int) -> dict[str, float]:
+    def _constants_of(
+        name: str, constants: Mapping[str, ArrayLike], k: int, count: int
+    ) -> dict[str, float]:
         """Those of axis k."""
         found = {}
         for constant, value in constants.items():
             with locate_errors(f"machine {name}"):
-                row = finite_array(value, f"constant {constant} (one number, or one per axis)", (), (count,))
+                row = finite_array(
+                    value, f"constant {constant} (one number, or one per axis)", (), (count,)
+                )
             found[constant] = float(row if row.ndim == 0 else row[k])
         return found
 
-    def _known(self, k: int, position: ca.SX, rotation: ca.SX, more: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+    def _known(
+        self, k: int, position: ca.SX, rotation: ca.SX, more: Mapping[str, ca.SX]
+    ) -> dict[str, ca.SX]:
         """What formulas of axis k may name, with its definitions worked out in turn."""
         entries = (rotation[row, column] for row in range(3) for column in range(3))
-        known = dict(zip((*POSITIONS, *ROTATIONS), (*(position[i] for i in range(3)), *entries), strict=True))
+        known = dict(
+            zip((*POSITIONS, *ROTATIONS), (*(position[i] for i in range(3)), *entries), strict=True)
+        )
         known |= more
         names = dict.fromkeys((*self._constants[k], *self.definitions), 0.0)
         check_names(names)
         for name in names:
             if name in RESERVED or (name in self.definitions and name in self._constants[k]):
-                raise MotionError(f"machine {self.name}: {name} has a meaning already; choose another name")
+                raise MotionError(
+                    f"machine {self.name}: {name} has a meaning already; choose another name"
+                )
         for name, text in self.definitions.items():
             known[name] = self._expression(k, f"definition {name}", text, known)
         return known
@@ -207,9 +247,12 @@ class Equations(Machine):
         for k, (axis, text) in enumerate(zip(self.axes, self.coordinates, strict=True)):
             value = self._expression(k, "coordinates", text, self._known(k, position, rotation, {}))
             if axis.kind == "rotary":
-                # of atan2 itself, so that its arguments are enclosed once and not through sine and cosine of an angle
+                # of atan2 itself, so that its arguments are enclosed once and not through sine and
+                # cosine of an angle
                 whole = value.is_op(ca.OP_ATAN2)
-                sine, cosine = (value.dep(0), value.dep(1)) if whole else (ca.sin(value), ca.cos(value))
+                sine, cosine = (
+                    (value.dep(0), value.dep(1)) if whole else (ca.sin(value), ca.cos(value))
+                )
                 value = nearest_turn(sine, cosine, near[k])
             found.append(value)
         return ca.vertcat(*found)
@@ -255,7 +298,9 @@ def _read_number(value: object) -> float:
         except MotionError:
             continue
     remedy = 'write 2, "20 mm" or "30 deg"'
-    raise validation_error(f"{describe_value(value)} is neither a number nor a length or an angle: {remedy}")
+    raise validation_error(
+        f"{describe_value(value)} is neither a number nor a length or an angle: {remedy}"
+    )
 
 
 Constant = Annotated[Any, BeforeValidator(_read_constant)]
@@ -265,7 +310,10 @@ Place = tuple[str, str, str]
 class BarTable(TableSchema):
     """What is drawn of each axis."""
 
-    start: Place = key("start point: three formulas, which may contain q, the position of the axis", '["0", "0", "q"]')
+    start: Place = key(
+        "start point: three formulas, which may contain q, the position of the axis",
+        '["0", "0", "q"]',
+    )
     end: Place = key("end point: three formulas, as start", '["x", "y", "z"]')
     sort: Literal["frame", "actuator", "link", "platform"] = key(
         "frame (fixed), actuator (changes its length), link (is moved) or platform (carries the tool)",
@@ -285,7 +333,9 @@ Range = Annotated[tuple[Length, Length], AfterValidator(check_range)]
 
 
 class RoomTable(TableSchema):
-    """A box in the base frame that the platform's origin stays in; no bound where none is stated."""
+    """A box in the base frame that the platform's origin stays in; no bound where none is
+    stated.
+    """
 
     x: Range | None = key("lowest and highest x", '["0 mm", "220 mm"]', None)
     y: Range | None = key("lowest and highest y", '["0 mm", "220 mm"]', None)
@@ -295,7 +345,9 @@ class RoomTable(TableSchema):
 class EquationsGeometry(TableSchema):
     """How the machine moves: formulas of its inverse map, in m and rad."""
 
-    moves: tuple[str, ...] = key("degrees of freedom that the axes control, of x y z rx ry rz", '["x", "y", "z"]')
+    moves: tuple[str, ...] = key(
+        "degrees of freedom that the axes control, of x y z rx ry rz", '["x", "y", "z"]'
+    )
     joints: tuple[str, ...] = key("names of the axes", '["a", "b", "c"]')
     rotary: tuple[str, ...] = key("names of the rotary axes", '["c"]', ())
     follows: tuple[Literal["rx", "ry", "rz"], ...] = key(
@@ -306,12 +358,16 @@ class EquationsGeometry(TableSchema):
         '[{ about = "z", angle = "-c" }, { about = "x", angle = "-a" }]',
         (),
     )
-    coordinates: Annotated[Any, Chosen(lambda value: str if isinstance(value, str) else tuple[str, ...])] = key(
+    coordinates: Annotated[
+        Any, Chosen(lambda value: str if isinstance(value, str) else tuple[str, ...])
+    ] = key(
         "position of each axis: a formula of x, y, z (m) and r11 … r33; or one formula for all",
         '["x + y", "x - y", "z"]',
     )
     constants: dict[str, Constant] = key(
-        "named numbers, lengths or angles; one value, or one for each axis", '{ rod = "250 mm" }', {}
+        "named numbers, lengths or angles; one value, or one for each axis",
+        '{ rod = "250 mm" }',
+        {},
     )
     definitions: dict[str, str] = key(
         "named formulas; each may contain those before it", '{ reach = "x**2 + y**2" }', {}
@@ -325,7 +381,9 @@ class EquationsGeometry(TableSchema):
         "lever arm that makes a rotation comparable to a length", '"100 mm"', 0.1
     )
     room: RoomTable | None = key(
-        "range of x, y and z, in addition to the travel of the axes", '{ z = ["-400 mm", "400 mm"] }', None
+        "range of x, y and z, in addition to the travel of the axes",
+        '{ z = ["-400 mm", "400 mm"] }',
+        None,
     )
     home: HomeTable = HOME
 
@@ -339,7 +397,10 @@ class OwnTurning(RotaryAxis):
 
 
 def _pick_axis_table(value: Any) -> type[TableSchema]:
-    """By its units: what turns states angles. What its own name says, the machine's tables cannot know."""
+    """By its units: what turns states angles.
+
+    What its own name says, the machine's tables cannot know.
+    """
     texts = str(value.values()) if isinstance(value, dict) else ""
     return OwnTurning if any(unit in texts for unit in ("deg", "rad", "rev", "turn")) else OwnLinear
 
@@ -357,17 +418,28 @@ class EquationsFile(LoadedFile):
         return tuple(component for component in COMPONENTS if component in self.geometry.moves)
 
     def list_axes(self) -> list[Axis]:
-        """List the axes. Raises BadValue for an unknown axis, and for a missing table or one of the wrong sort."""
+        """List the axes.
+
+        Raises BadValue for an unknown axis, and for a missing table or one of the wrong sort.
+        """
         joints, rotary = self.geometry.joints, self.geometry.rotary
         for name in (*rotary, *(entry.name for entry in self.axis)):
             if name not in joints:
                 known = ", ".join(joints)
                 message = f"{describe_value(name)} is no axis{nearest(name, joints)}; axes: {known}"
-                raise BadValue(message, key=("joints",), allowed=known, nearest=closest(name, joints))
+                raise BadValue(
+                    message, key=("joints",), allowed=known, nearest=closest(name, joints)
+                )
         for entry in self.axis:
             turns = entry.name in rotary
-            if turns != isinstance(entry, OwnTurning):  # its numbers are read in the units of the other sort
-                sort = 'turns: state angles, as "90 deg/s"' if turns else 'slides: state lengths, as "20 mm/s"'
+            if turns != isinstance(
+                entry, OwnTurning
+            ):  # its numbers are read in the units of the other sort
+                sort = (
+                    'turns: state angles, as "90 deg/s"'
+                    if turns
+                    else 'slides: state lengths, as "20 mm/s"'
+                )
                 raise BadValue(f"axis {entry.name} {sort}", key=(entry.name, "name"))
         tables: dict[str, AxisTable] = {}
         for name in joints:
@@ -383,14 +455,21 @@ class EquationsFile(LoadedFile):
         """Constants are written in SI units, whatever they were read in."""
         texts = machine.coordinates
         rotary = tuple(axis.name for axis in machine.axes if axis.kind == "rotary")
-        room = {name: row for name, row in zip(POSITIONS, machine.room, strict=True) if np.isfinite(row).all()}
+        room = {
+            name: row
+            for name, row in zip(POSITIONS, machine.room, strict=True)
+            if np.isfinite(row).all()
+        }
         bars = tuple({"start": bar.start, "end": bar.end, "sort": bar.sort} for bar in machine.bars)
         return {
             "moves": machine.freedom,
             "joints": tuple(axis.name for axis in machine.axes),
             "rotary": rotary or None,
             "follows": machine.follows or None,
-            "orientation": tuple({"about": one.about, "angle": one.angle} for one in machine.orientation) or None,
+            "orientation": tuple(
+                {"about": one.about, "angle": one.angle} for one in machine.orientation
+            )
+            or None,
             "coordinates": texts[0] if len(set(texts)) == 1 else texts,
             "constants": machine.constants or None,
             "definitions": machine.definitions or None,

@@ -1,9 +1,10 @@
 """The hexapod: six legs of variable length between a base and a moving platform.
 
-Its TOML has joints on circles, or one by one. Of the preset `hexapod`, the masses of the parts stand here: the thesis
-[Sahbaz 2007] prints the mass of an actuator (241 g, Table 3.1) and its size (43 × 43 × 162 mm), and the platform's
-plate (a disc 250 mm wide and 10 mm thick). ASSUMPTIONS: everything else here. How the 241 g are shared and spread, the
-plate's aluminium, that joints weigh nothing, and which way the universal joints are turned.
+Its TOML has joints on circles, or one by one. Of the preset `hexapod`, the masses of the parts
+stand here: the thesis [Sahbaz 2007] prints the mass of an actuator (241 g, Table 3.1) and its size
+(43 × 43 × 162 mm), and the platform's plate (a disc 250 mm wide and 10 mm thick). ASSUMPTIONS:
+everything else here. How the 241 g are shared and spread, the plate's aluminium, that joints weigh
+nothing, and which way the universal joints are turned.
 """
 
 from importlib.resources.abc import Traversable
@@ -62,16 +63,23 @@ def joint_circle(radius: float, gap: float, height: float) -> Array:
     MotionError
         The radius is not above 0, or a number is out of range.
     """
-    finite_array(radius, "joint_circle: radius", (), unit="m", least=LEAST_POSITIVE, most=MAX_DISTANCE)
+    finite_array(
+        radius, "joint_circle: radius", (), unit="m", least=LEAST_POSITIVE, most=MAX_DISTANCE
+    )
     finite_array(gap, "joint_circle: gap", (), unit="rad", least=-tau, most=tau)
-    finite_array(height, "joint_circle: height", (), unit="m", least=-MAX_DISTANCE, most=MAX_DISTANCE)
+    finite_array(
+        height, "joint_circle: height", (), unit="m", least=-MAX_DISTANCE, most=MAX_DISTANCE
+    )
     third, half = np.deg2rad(120), gap / 2
-    azimuth = np.array([half, third - half, third + half, 2 * third - half, 2 * third + half, -half])
+    azimuth = np.array(
+        [half, third - half, third + half, 2 * third - half, 2 * third + half, -half]
+    )
     return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(6, height)], 1)
 
 
 class Hexapod(Legged):
-    """Six legs, six degrees of freedom: joint centres (6, 3) in base and platform frames, of any geometry.
+    """Six legs, six degrees of freedom: joint centres (6, 3) in base and platform frames, of any
+    geometry.
 
     Everything else as `Legged` has it.
     """
@@ -80,7 +88,9 @@ class Hexapod(Legged):
     sorts = ("linear",) * 6
 
     def assembly_modes(self, q: ArrayLike) -> "Pose":
-        """Every pose with leg lengths q (6,), as far as they are found: see `kinematics.analysis.assembly_modes`."""
+        """Every pose with leg lengths q (6,), as far as they are found: see
+        `kinematics.analysis.assembly_modes`.
+        """
         from kinematics.analysis.assembly_modes import assembly_modes
 
         return assembly_modes(self, q)
@@ -107,7 +117,9 @@ class SixLegs(Platforms):
 
 
 class JointCircles(SixLegs):
-    """Joint centres in pairs on a circle of each platform; heights along z in the platform's own frame."""
+    """Joint centres in pairs on a circle of each platform; heights along z in the platform's own
+    frame.
+    """
 
     base_radius: Radius = key("radius of the circle through the base joints")
     base_gap: Gap = key("angle on that circle between the two joints of a pair")
@@ -130,7 +142,8 @@ class JointPoints(SixLegs):
         "centres of the base joints in the base frame: x, y, z of leg1 to leg6", remedy=JOINT_ROWS
     )
     platform_joints: SixPoints = key(
-        "centres of the platform joints in the platform's own frame: x, y, z of leg1 to leg6", remedy=JOINT_ROWS
+        "centres of the platform joints in the platform's own frame: x, y, z of leg1 to leg6",
+        remedy=JOINT_ROWS,
     )
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
@@ -142,7 +155,9 @@ class HexapodFile(LoadedFile):
 
     first_place = (0, 0, 25)
     kind: Literal["hexapod"] = KIND
-    geometry: Annotated[JointCircles | JointPoints, one_of_tables(JointCircles, JointPoints)] = GEOMETRY
+    geometry: Annotated[JointCircles | JointPoints, one_of_tables(JointCircles, JointPoints)] = (
+        GEOMETRY
+    )
     axes: LegAxis = AXES
     axis: tuple[LegTable, ...] = OWN_AXES
     legs: LegsTable | None = LEG_MASSES
@@ -151,7 +166,9 @@ class HexapodFile(LoadedFile):
         return Hexapod.freedom
 
     def list_axes(self) -> list[Axis]:
-        return axes(LEGS, dict.fromkeys(LEGS, self.axes), self.axis, self, self.geometry.home_lengths)
+        return axes(
+            LEGS, dict.fromkeys(LEGS, self.axes), self.axis, self, self.geometry.home_lengths
+        )
 
     @staticmethod
     def geometry_of(machine: Hexapod, complete: bool) -> dict[str, Any]:
@@ -161,6 +178,8 @@ class HexapodFile(LoadedFile):
 def build_hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
     base, platform = file.geometry.joints()
     load = file.load(file.legs)
-    machine = Hexapod(base, platform, axes=file.list_axes(), name=name, load=load, **file.geometry.options())
+    machine = Hexapod(
+        base, platform, axes=file.list_axes(), name=name, load=load, **file.geometry.options()
+    )
     refuse_unreachable_home(machine, file.axes, {table.name: table for table in file.axis})
     return machine

@@ -1,7 +1,8 @@
-"""Machines with legs: actuators of variable length between joints on a base and joints on a platform.
+"""Machines with legs: actuators of variable length between joints on a base and joints on a
+platform.
 
-How a leg is turned is told by the frame of its universal joint on the base, at home and along any leg vector. The
-tables of their files that all of them share: rest axes, tilt, bodies.
+How a leg is turned is told by the frame of its universal joint on the base, at home and along any
+leg vector. The tables of their files that all of them share: rest axes, tilt, bodies.
 """
 
 from __future__ import annotations
@@ -18,7 +19,13 @@ from numpy.typing import ArrayLike
 from kinematics.analysis.clearance import Bodies, Disc
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
-from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
+from kinematics.foundation.arrays import (
+    LEAST_POSITIVE,
+    Array,
+    finite_array,
+    freeze_array,
+    unit_vectors,
+)
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.units import Unit
 from kinematics.kinds.load_keys import HOME, HomeTable, Point, home_entries
@@ -29,16 +36,25 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.model import scaled_jacobian
 from kinematics.machine.pose import PoseLike, column, make_pose
 
-# Sine of the angle between a universal joint's first axis and the leg at home below which it cannot tilt the leg.
+# Sine of the angle between a universal joint's first axis and the leg at home below which it cannot
+# tilt the leg.
 MIN_AXIS_SINE = 1e-6
 
 
 def home_frames(machine: Legged, legs: Sequence[Leg]) -> Array:
-    """(n, 3, 3) per leg at home: columns x, the universal joint's first axis; y, its second; z, along the leg."""
+    """(n, 3, 3) per leg at home: columns x, the universal joint's first axis; y, its second; z,
+    along the leg.
+    """
     along = machine.home.apply(machine.platform) - machine.base
     frames = []
-    for axis, leg, z in zip(machine.axes, legs, along / np.linalg.norm(along, axis=1, keepdims=True), strict=True):
-        first = np.eye(3)[np.argmin(np.abs(z))] if leg.first_axis is None else np.asarray(leg.first_axis, float)
+    for axis, leg, z in zip(
+        machine.axes, legs, along / np.linalg.norm(along, axis=1, keepdims=True), strict=True
+    ):
+        first = (
+            np.eye(3)[np.argmin(np.abs(z))]
+            if leg.first_axis is None
+            else np.asarray(leg.first_axis, float)
+        )
         x = first / np.linalg.norm(first)
         x = x - (x @ z) * z
         if np.linalg.norm(x) < MIN_AXIS_SINE:
@@ -52,7 +68,9 @@ def home_frames(machine: Legged, legs: Sequence[Leg]) -> Array:
 
 
 def leg_rotation(vector: ca.SX, first_axis: Array) -> ca.SX:
-    """(3, 3) columns x, y, z of a leg along `vector`: y is the joint's second axis, z × first axis."""
+    """(3, 3) columns x, y, z of a leg along `vector`: y is the joint's second axis, z × first
+    axis.
+    """
     z = vector / ca.norm_2(vector)
     y = ca.cross(z, ca.DM(first_axis))
     y = y / ca.norm_2(y)
@@ -60,22 +78,28 @@ def leg_rotation(vector: ca.SX, first_axis: Array) -> ca.SX:
     return turned
 
 
-# Share of the machine's size up to which joint centres are the same point: the rounding of computed geometry.
+# Share of the machine's size up to which joint centres are the same point: the rounding of computed
+# geometry.
 SAME_POINT_SHARE = 1e-9
-# Conditioning up to which home is singular: what rounding makes of 0, and far below anything that could move.
+# Conditioning up to which home is singular: what rounding makes of 0, and far below anything that
+# could move.
 SINGULAR_CONDITIONING = 1e-10
 
 
 class Legged(Machine):
-    """q_i = ‖p + R a_i − b_i‖, the distance between joint centres b_i (base frame) and a_i (platform frame).
+    """q_i = ‖p + R a_i − b_i‖, the distance between joint centres b_i (base frame) and a_i
+    (platform frame).
 
     base, platform            (n, 3) joint centres, m
     base_rest, platform_rest  (3,) or (n, 3) rest axis of each joint in its own frame, +z by default
-    max_tilt                  rad between leg and rest axis: one number, or (base, platform); None: unlimited
-    leg_radius, leg_ends, base_disc, platform_disc  what takes up room, as in `Bodies`; None: nothing is looked at
+    max_tilt                  rad between leg and rest axis: one number, or (base, platform); None:
+                              unlimited
+    leg_radius, leg_ends, base_disc, platform_disc  what takes up room, as in `Bodies`; None:
+                                                    nothing is looked at
 
-    Raises MotionError where joints coincide so that legs do nothing or the same, and for a singular home. Whether
-    home is within travel and tilt is told by `check`, as of any pose: it may be a switch beyond the working range.
+    Raises MotionError where joints coincide so that legs do nothing or the same, and for a singular
+    home. Whether home is within travel and tilt is told by `check`, as of any pose: it may be a
+    switch beyond the working range.
     """
 
     legs: ClassVar[int]
@@ -99,18 +123,25 @@ class Legged(Machine):
         load: Load | None = None,
     ) -> None:
         name, count = type(self).__name__.lower() if name is None else name, self.legs
-        self.base, self.platform = joints(name, "base", base, count), joints(name, "platform", platform, count)
+        self.base, self.platform = (
+            joints(name, "base", base, count),
+            joints(name, "platform", platform, count),
+        )
         self.base_rest = _directions(name, "base_rest", base_rest, count)
         self.platform_rest = _directions(name, "platform_rest", platform_rest, count)
         self.max_tilt = _tilts(name, max_tilt, count)
         self.characteristic_length = float(np.sqrt((self.platform**2).sum(1).mean()))
         super().__init__(name, axes, home, load=load)
         legs = tuple(axis.name for axis in self.axes)
-        self.tilt_names = tuple(f"{leg} {end} joint" for end in ("base", "platform") for leg in legs)
+        self.tilt_names = tuple(
+            f"{leg} {end} joint" for end in ("base", "platform") for leg in legs
+        )
         _refuse_coincident(self, legs)
         shapes = {"leg_ends": leg_ends, "base_disc": base_disc, "platform_disc": platform_disc}
         if leg_radius is not None:
-            self.bodies = Bodies(self.base, self.platform, legs, leg_radius, leg_ends, base_disc, platform_disc)
+            self.bodies = Bodies(
+                self.base, self.platform, legs, leg_radius, leg_ends, base_disc, platform_disc
+            )
         elif any(given is not None for given in shapes.values()):
             first = next(k for k, given in shapes.items() if given is not None)
             told = f"machine {name}: {first} says nothing without leg_radius; state it"
@@ -123,33 +154,51 @@ class Legged(Machine):
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         return ca.vertcat(*(ca.norm_2(leg) for leg in self._legs(position, rotation)))
 
-    def moving_bodies(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
+    def moving_bodies(
+        self, position: ca.SX, rotation: ca.SX, q: ca.SX
+    ) -> tuple[tuple[Body, ca.SX], ...]:
         """The platform, and barrel and rod of every leg that has masses."""
         found = list(super().moving_bodies(position, rotation, q))
         stated = self.load.legs * (self.legs if len(self.load.legs) == 1 else 1)
         if stated:
             ends = home_frames(self, stated)
-            for leg, vector, base, frame in zip(stated, self._legs(position, rotation), self.base, ends, strict=True):
+            for leg, vector, base, frame in zip(
+                stated, self._legs(position, rotation), self.base, ends, strict=True
+            ):
                 turned = leg_rotation(vector, frame[:, 0])
-                found += [(leg.barrel, column(ca.SX(ca.DM(base)), turned)), (leg.rod, column(vector + base, turned))]
+                found += [
+                    (leg.barrel, column(ca.SX(ca.DM(base)), turned)),
+                    (leg.rod, column(vector + base, turned)),
+                ]
         return tuple(found)
 
     def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
-        """Legs between the rings of their joints, and the way from the platform's middle to its origin."""
+        """Legs between the rings of their joints, and the way from the platform's middle to its
+        origin.
+        """
         base = [ca.SX(ca.DM(b)) for b in self.base]
         top = [b + leg for b, leg in zip(base, self._legs(position, rotation), strict=True)]
-        legs = [Bar("actuator", a, b, axis.name) for a, b, axis in zip(base, top, self.axes, strict=True)]
+        legs = [
+            Bar("actuator", a, b, axis.name)
+            for a, b, axis in zip(base, top, self.axes, strict=True)
+        ]
         frame = [Bar("frame", base[i], base[j]) for i, j in ring(self.base)]
         platform = [Bar("platform", top[i], top[j]) for i, j in ring(self.platform)]
         middle = position + rotation @ ca.DM(self.platform.mean(0))
         pivots = (Pivot(at, name) for at, name in zip(base + top, self.tilt_names, strict=True))
-        return Skeleton((*legs, *frame, *platform, Bar("platform", middle, position)), tuple(pivots))
+        return Skeleton(
+            (*legs, *frame, *platform, Bar("platform", middle, position)), tuple(pivots)
+        )
 
     def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
-        """cos of the angle between leg and rest axis: base joints first, then platform joints, each in its frame."""
+        """cos of the angle between leg and rest axis: base joints first, then platform joints, each
+        in its frame.
+        """
         legs = self._legs(position, rotation)
         base = [ca.dot(leg, rest) for leg, rest in zip(legs, self.base_rest, strict=True)]
-        platform = [ca.dot(leg, rotation @ rest) for leg, rest in zip(legs, self.platform_rest, strict=True)]
+        platform = [
+            ca.dot(leg, rotation @ rest) for leg, rest in zip(legs, self.platform_rest, strict=True)
+        ]
         lengths = [ca.norm_2(leg) for leg in legs]
         return ca.vertcat(*(d / n for d, n in zip(base + platform, lengths + lengths, strict=True)))
 
@@ -171,10 +220,15 @@ def _tilts(machine: str, limit: object, count: int) -> Array:
     given = limit.tolist() if isinstance(limit, np.ndarray) else limit
     ends = tuple(given) if isinstance(given, (tuple, list)) else (given, given)
     if len(ends) != 2:
-        raise MotionError(f"machine {machine}: max_tilt {limit} must be one angle or (base, platform), rad")
+        raise MotionError(
+            f"machine {machine}: max_tilt {limit} must be one angle or (base, platform), rad"
+        )
     what = f"machine {machine}: max_tilt (None: unlimited)"
     angles = [
-        finite_array(np.pi if e is None else e, what, (), unit="rad", least=LEAST_POSITIVE, most=np.pi) for e in ends
+        finite_array(
+            np.pi if e is None else e, what, (), unit="rad", least=LEAST_POSITIVE, most=np.pi
+        )
+        for e in ends
     ]
     return freeze_array(np.repeat(angles, count))
 
@@ -185,18 +239,30 @@ def _refuse_coincident(machine: Legged, legs: Sequence[str]) -> None:
     same = SAME_POINT_SHARE * max(np.ptp(points, 0).max() for points in ends.values())
     for end, points in ends.items():
         if np.ptp(points, 0).max() <= same:
-            raise MotionError(f"{told} all {end} joints are the same point, {points[0] * 1e3} mm; put them apart")
+            raise MotionError(
+                f"{told} all {end} joints are the same point, {points[0] * 1e3} mm; put them apart"
+            )
     for i, j in combinations(range(len(legs)), 2):
         if max(np.abs(points[i] - points[j]).max() for points in ends.values()) <= same:
-            raise MotionError(f"{told} {legs[i]} and {legs[j]} coincide, at base and platform; put their joints apart")
+            raise MotionError(
+                f"{told} {legs[i]} and {legs[j]} coincide, at base and platform; put their joints apart"
+            )
     for leg, length in zip(legs, machine.home_q, strict=True):
         if length <= same:
-            raise MotionError(f"{told} {leg} has no length at home: its joints are the same point; choose another home")
-    left, stretch, _ = np.linalg.svd(scaled_jacobian(machine, machine.home_numbers, machine.home_q)[0])
+            raise MotionError(
+                f"{told} {leg} has no length at home: its joints are the same point; choose another home"
+            )
+    left, stretch, _ = np.linalg.svd(
+        scaled_jacobian(machine, machine.home_numbers, machine.home_q)[0]
+    )
     if stretch[-1] <= SINGULAR_CONDITIONING * stretch[0]:
         # the rates of legs that no motion of the platform has
         share = np.abs(left[:, stretch <= SINGULAR_CONDITIONING * stretch[0]]).max(1)
-        idle = ", ".join(leg for leg, part in zip(legs, share, strict=True) if part > np.sqrt(SINGULAR_CONDITIONING))
+        idle = ", ".join(
+            leg
+            for leg, part in zip(legs, share, strict=True)
+            if part > np.sqrt(SINGULAR_CONDITIONING)
+        )
         raise BadValue(
             f"{told} home is singular (conditioning {stretch[-1] / stretch[0]:.1g}): {idle} together leave a motion of "
             "the platform free; put their joints elsewhere, or choose another home",
@@ -213,7 +279,11 @@ def rest_axes_type(count: int) -> Chosen:
     each = tuple.__class_getitem__((Direction,) * count)
 
     def pick(value: object) -> Any:
-        return each if isinstance(value, tuple) and value and isinstance(value[0], tuple) else Direction
+        return (
+            each
+            if isinstance(value, tuple) and value and isinstance(value[0], tuple)
+            else Direction
+        )
 
     return Chosen(pick)
 
@@ -236,15 +306,22 @@ class Plate(TableSchema):
         return Disc(self.radius, self.thickness, self.centre, self.normal)
 
 
-BASE_REST = key("axis of the base joints at zero tilt, in the base frame; or one for each joint", "[0, 0, 1]", None)
+BASE_REST = key(
+    "axis of the base joints at zero tilt, in the base frame; or one for each joint",
+    "[0, 0, 1]",
+    None,
+)
 PLATFORM_REST = key(
-    "axis of the platform joints at zero tilt, in the platform frame; or one for each joint", "[0, 0, 1]", None
+    "axis of the platform joints at zero tilt, in the platform frame; or one for each joint",
+    "[0, 0, 1]",
+    None,
 )
 _DISC = '{ radius = "20 mm", thickness = "5 mm" }'
 
 
 class Platforms(TableSchema):
-    """What the geometry of a machine with legs has however its joints are given; `rest_axes_type` says how many axes.
+    """What the geometry of a machine with legs has however its joints are given; `rest_axes_type`
+    says how many axes.
 
     Tilt counts from the rest axes, and leg_radius states that legs take up room.
     """
@@ -253,7 +330,9 @@ class Platforms(TableSchema):
     base_rest: tuple[Any, ...] | None = BASE_REST
     platform_rest: tuple[Any, ...] | None = PLATFORM_REST
     max_tilt: Annotated[float | tuple[float, float], Chosen(_tilt_type)] | None = key(
-        "largest tilt of a joint from its axis at zero tilt; two values: base, platform", '"35 deg"', None
+        "largest tilt of a joint from its axis at zero tilt; two values: base, platform",
+        '"35 deg"',
+        None,
     )
     leg_radius: Radius | None = key(
         "radius of a leg as a round bar; without it, collisions are not checked", '"5 mm"', None
@@ -267,7 +346,9 @@ class Platforms(TableSchema):
         None,
         needs=["leg_radius"],
     )
-    platform_disc: Plate | None = key("plate of the platform, in the platform frame", _DISC, None, needs=["leg_radius"])
+    platform_disc: Plate | None = key(
+        "plate of the platform, in the platform frame", _DISC, None, needs=["leg_radius"]
+    )
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
         """Centres of the joints in the base frame and in the frame that poses are of."""

@@ -1,4 +1,6 @@
-"""The linkage: two actuators in a plane, hinged to each other, one of which carries the point; and its TOML."""
+"""The linkage: two actuators in a plane, hinged to each other, one of which carries the point; and
+its TOML.
+"""
 
 from collections.abc import Iterable
 from importlib.resources.abc import Traversable
@@ -14,7 +16,15 @@ from kinematics.files.schema import TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.units import Angle, Dimension, Unit
-from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
+from kinematics.kinds.axis_keys import (
+    AXES,
+    GEOMETRY,
+    KIND,
+    OWN_AXES,
+    LinearAxis,
+    LinearDefaults,
+    axes,
+)
 from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, side
@@ -26,17 +36,18 @@ from kinematics.machine.pose import PoseLike
 class Linkage(Machine):
     """q_a, q_b: distances from the base joints a, b to the joint J where the actuators meet.
 
-    The point P lies at the distance h from J, at the angle θ_h from the direction J → a, in the sense that θ falls:
-    P = J − h (cos(θ − θ_h), sin(θ − θ_h)), with θ the direction a → J. Then
+    The point P lies at the distance h from J, at the angle θ_h from the direction J → a, in the
+    sense that θ falls: P = J − h (cos(θ − θ_h), sin(θ − θ_h)), with θ the direction a → J. Then
 
         |P − a|² = q_a² + h² − 2 q_a h cos θ_h,   q_b = |J − b|,
 
-    q_a = h cos θ_h ± √(|P − a|² − h² sin² θ_h): the sign is that of `near` (both are real where θ_h is acute, and P is
-    near enough to a). The platform's frame sits at P and turns with θ, which follows; at home it is as the home pose
-    says. Source: [Motion 2-D], with its signs set right.
+    q_a = h cos θ_h ± √(|P − a|² − h² sin² θ_h): the sign is that of `near` (both are real where θ_h
+    is acute, and P is near enough to a). The platform's frame sits at P and turns with θ, which
+    follows; at home it is as the home pose says. Source: [Motion 2-D], with its signs set right.
 
     base_a, base_b  (2,) base joints in the plane, m;  offset h (m), angle θ_h (rad)
-    near            (2,) coordinates that say which of the home pose's are meant; the longer q_a by default
+    near            (2,) coordinates that say which of the home pose's are meant; the longer q_a by
+                    default
     """
 
     freedom = ("x", "y")
@@ -60,13 +71,18 @@ class Linkage(Machine):
     ) -> None:
         ends = (("base_a", base_a), ("base_b", base_b))
         self.base_a, self.base_b = (
-            freeze_array(finite_array(p, f"machine {name}: {what}", (2,), unit="m")) for what, p in ends
+            freeze_array(finite_array(p, f"machine {name}: {what}", (2,), unit="m"))
+            for what, p in ends
         )
         if np.linalg.norm(self.base_b - self.base_a) < 1e-9:
-            raise MotionError(f"machine {name}: base_a and base_b are the same point, {self.base_a * 1e3} mm")
+            raise MotionError(
+                f"machine {name}: base_a and base_b are the same point, {self.base_a * 1e3} mm"
+            )
         self.offset = float(finite_array(offset, f"machine {name}: offset", (), unit="m", least=0))
         self.angle = float(finite_array(angle, f"machine {name}: angle", (), unit="rad"))
-        self.characteristic_length = max(self.offset, float(np.linalg.norm(self.base_b - self.base_a)) / 2)
+        self.characteristic_length = max(
+            self.offset, float(np.linalg.norm(self.base_b - self.base_a)) / 2
+        )
         longer = [self.offset * abs(np.cos(self.angle)) + 1.0, 0.0]
         super().__init__(name, axes, home, longer if near is None else near, load)
         for axis, length in zip(self.axes, self.home_q, strict=True):
@@ -99,12 +115,16 @@ class Linkage(Machine):
 
     def fill_pose(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         _, u = self._joint(position, q)
-        theta = ca.vertcat(ca.horzcat(u[0], -u[1], 0), ca.horzcat(u[1], u[0], 0), ca.horzcat(0, 0, 1))
+        theta = ca.vertcat(
+            ca.horzcat(u[0], -u[1], 0), ca.horzcat(u[1], u[0], 0), ca.horzcat(0, 0, 1)
+        )
         turned: ca.SX = theta @ self._at_home
         return position, turned
 
     def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
-        """Both actuators from the base to J, and the arm from there to P, which actuator a turns."""
+        """Both actuators from the base to J, and the arm from there to P, which actuator a
+        turns.
+        """
         length, direction = self._joint(position, q)
         a, b = (ca.DM([*base, 0.0]) for base in (self.base_a, self.base_b))
         joint = ca.vertcat(self.base_a + length * direction, 0.0)
@@ -118,15 +138,20 @@ class Linkage(Machine):
         return Skeleton(bars, (Pivot(a), Pivot(b), Pivot(joint)))
 
     def realised(self, q: ArrayLike, side: int | None = None) -> Array:
-        """P (N, 2) of coordinates q (N, 2), (2,) of one, in closed form: θ from the law of cosines at a.
+        """P (N, 2) of coordinates q (N, 2), (2,) of one, in closed form: θ from the law of cosines
+        at a.
 
-        side: J lies to the left (1) or to the right (−1) of a → b; as at home by default. Raises OutOfReach where no
-        triangle closes over the base.
+        side: J lies to the left (1) or to the right (−1) of a → b; as at home by default. Raises
+        OutOfReach where no triangle closes over the base.
         """
-        given = finite_array(q, f"machine {self.name}: lengths", (2,), (None, 2), unit="m", least=LEAST_POSITIVE)
+        given = finite_array(
+            q, f"machine {self.name}: lengths", (2,), (None, 2), unit="m", least=LEAST_POSITIVE
+        )
         rows = np.atleast_2d(given)
         if side not in (None, 1, -1):
-            raise MotionError(f"machine {self.name}: side {side} is neither 1 (left of a -> b) nor -1 (right)")
+            raise MotionError(
+                f"machine {self.name}: side {side} is neither 1 (left of a -> b) nor -1 (right)"
+            )
         base = self.base_b - self.base_a
         apart = float(np.hypot(*base))
         cosine = (rows[:, 0] ** 2 + apart**2 - rows[:, 1] ** 2) / (2 * rows[:, 0] * apart)
@@ -185,7 +210,9 @@ class LinkageFile(LoadedFile):
 
     @staticmethod
     def geometry_of(machine: Linkage, complete: bool) -> dict[str, Any]:
-        shorter = machine.home_q[0] < machine.offset * np.cos(machine.angle)  # else the longer one is meant
+        shorter = machine.home_q[0] < machine.offset * np.cos(
+            machine.angle
+        )  # else the longer one is meant
         return {
             "base_a": machine.base_a,
             "base_b": machine.base_b,

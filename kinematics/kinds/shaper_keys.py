@@ -1,4 +1,6 @@
-"""Keys of input shapers: `shaper` of an axis, and `[[vibration]]` of what the machine carries along a direction."""
+"""Keys of input shapers: `shaper` of an axis, and `[[vibration]]` of what the machine carries along
+a direction.
+"""
 
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, get_args
@@ -43,7 +45,9 @@ class ShaperTable(TableSchema):
     def _check_tolerance(cls, tolerance: float | None, info: ValidationInfo) -> float | None:
         kind = info.data.get("kind", "ei")  # of one that is none, that alone is told
         if tolerance is not None and kind != "ei":
-            raise validation_error(f'tolerance is of the shaper ei, not of {kind}: omit it, or write kind = "ei"')
+            raise validation_error(
+                f'tolerance is of the shaper ei, not of {kind}: omit it, or write kind = "ei"'
+            )
         return tolerance
 
     @property
@@ -62,10 +66,14 @@ def _show_table(kind: str) -> str:
 def _pick_shaper(value: Any) -> Any:
     if isinstance(value, str) and value != NO_SHAPER:
         if value in get_args(ShaperKind):
-            raise validation_error(f'"{value}" needs the frequency of the vibration: write {_show_table(value)}')
+            raise validation_error(
+                f'"{value}" needs the frequency of the vibration: write {_show_table(value)}'
+            )
         near = nearest(value, (NO_SHAPER, *get_args(ShaperKind)))
         told = f'is neither "{NO_SHAPER}" nor a table{near}: write "{NO_SHAPER}", or e.g. {_show_table("zv")}'
-        raise validation_error(BadValue(f"{describe_value(value)} {told}", nearest=closest(value, (NO_SHAPER,))))
+        raise validation_error(
+            BadValue(f"{describe_value(value)} {told}", nearest=closest(value, (NO_SHAPER,)))
+        )
     if value == ():
         raise validation_error(
             f'[] names no shaper: omit the key, or write "{NO_SHAPER}" where all other axes have one'
@@ -77,7 +85,9 @@ def _pick_shaper(value: Any) -> Any:
 
 def _pick_table(value: Any) -> Any:
     if not isinstance(value, dict):
-        raise validation_error(f"{describe_value(value)} is not a table: write e.g. {_show_table('zv')}")
+        raise validation_error(
+            f"{describe_value(value)} is not a table: write e.g. {_show_table('zv')}"
+        )
     return ShaperTable
 
 
@@ -85,7 +95,12 @@ def _join(stated: Any) -> Shaper | ShaperSeries | str:
     if stated == NO_SHAPER:
         return NO_SHAPER
     try:
-        return join_shapers([each.shaper for each in (stated if isinstance(stated, tuple) else (stated,))]) or NO_SHAPER
+        return (
+            join_shapers(
+                [each.shaper for each in (stated if isinstance(stated, tuple) else (stated,))]
+            )
+            or NO_SHAPER
+        )
     except MotionError as error:
         raise validation_error(error) from None
 
@@ -94,7 +109,9 @@ StatedShaper = Annotated[Any, Chosen(_pick_shaper), AfterValidator(_join)]
 
 
 class VibrationTable(ShaperTable):
-    """A vibration along a direction: every axis that moves the platform along it has this shaper beside its own."""
+    """A vibration along a direction: every axis that moves the platform along it has this shaper
+    beside its own.
+    """
 
     direction: Direction = key(
         "direction of the vibration in the base frame", "[1, 0, 0]", remedy="write e.g. [1, 0, 0]"
@@ -102,12 +119,14 @@ class VibrationTable(ShaperTable):
 
 
 SAME_SHARE = 1e-3
-"""Of a frequency, a damping ratio and a direction's angle (rad), by which two vibrations are one: far below what any
-measurement tells apart."""
+"""Of a frequency, a damping ratio and a direction's angle (rad), by which two vibrations are one:
+far below what any measurement tells apart.
+"""
 
 
 def find_repeated(vibrations: Sequence[VibrationTable]) -> tuple[int, int] | None:
-    """The first two that are one and the same, which would be shaped against twice; None where there are none.
+    """The first two that are one and the same, which would be shaped against twice; None where
+    there are none.
 
     A direction and its opposite are the same.
     """
@@ -116,6 +135,10 @@ def find_repeated(vibrations: Sequence[VibrationTable]) -> tuple[int, int] | Non
         for n, one in enumerate(vibrations[:k]):
             near = abs(later.frequency - one.frequency) <= SAME_SHARE * one.frequency
             near &= abs(later.damping - one.damping) <= SAME_SHARE
-            if near and later.kind == one.kind and np.linalg.norm(np.cross(lines[n], lines[k])) <= SAME_SHARE:
+            if (
+                near
+                and later.kind == one.kind
+                and np.linalg.norm(np.cross(lines[n], lines[k])) <= SAME_SHARE
+            ):
                 return n, k
     return None

@@ -1,4 +1,6 @@
-"""The traverser: slides on leadscrews, and a rotary axis that may turn any number of times; and its TOML."""
+"""The traverser: slides on leadscrews, and a rotary axis that may turn any number of times; and its
+TOML.
+"""
 
 from collections.abc import Iterable
 from importlib.resources.abc import Traversable
@@ -11,10 +13,24 @@ from numpy.typing import ArrayLike
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
-from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
+from kinematics.foundation.arrays import (
+    LEAST_POSITIVE,
+    Array,
+    finite_array,
+    freeze_array,
+    unit_vectors,
+)
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import Unit
-from kinematics.kinds.axis_keys import GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, RotaryAxis, axes
+from kinematics.kinds.axis_keys import (
+    GEOMETRY,
+    KIND,
+    OWN_AXES,
+    LinearAxis,
+    LinearDefaults,
+    RotaryAxis,
+    axes,
+)
 from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, Pull, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
@@ -27,12 +43,15 @@ MIN_SLIDE_SINE = 1e-6
 
 
 class Traverser(Machine):
-    """q = (D⁻¹ p, φ): slide positions along the columns of D, and the turn about base z, the nearest to `near`.
+    """q = (D⁻¹ p, φ): slide positions along the columns of D, and the turn about base z, the
+    nearest to `near`.
 
-    directions  (3, 3) unit vectors of the X, Y and Z slides in the base frame, one per row; the base axes by default
+    directions  (3, 3) unit vectors of the X, Y and Z slides in the base frame, one per row; the
+                base axes by default
     length      m that count as one radian (the lever at which a turn is felt)
 
-    X is vertical, so gravity points down along it unless the load states another. Source: [Sasidhar 1981].
+    X is vertical, so gravity points down along it unless the load states another. Source: [Sasidhar
+    1981].
     """
 
     freedom = ("x", "y", "z", "rz")
@@ -52,7 +71,9 @@ class Traverser(Machine):
         given = np.eye(3) if directions is None else directions
         self.directions = freeze_array(unit_vectors(given, f"machine {name}: directions", (3, 3)))
         if abs(np.linalg.det(self.directions)) < MIN_SLIDE_SINE:
-            raise MotionError(f"machine {name}: the slides' directions {self.directions.tolist()} do not span space")
+            raise MotionError(
+                f"machine {name}: the slides' directions {self.directions.tolist()} do not span space"
+            )
         self.characteristic_length = float(
             finite_array(length, f"machine {name}: length", (), unit="m", least=LEAST_POSITIVE)
         )
@@ -65,26 +86,37 @@ class Traverser(Machine):
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         turn = rotation @ self._held.T
-        return ca.vertcat(np.linalg.inv(self.directions.T) @ position, nearest_turn(turn[1, 0], turn[0, 0], near[3]))
+        return ca.vertcat(
+            np.linalg.inv(self.directions.T) @ position,
+            nearest_turn(turn[1, 0], turn[0, 0], near[3]),
+        )
 
     def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
-        """A rail for each slide, as long as its travel, and a hand as long as the lever that shows the turn.
+        """A rail for each slide, as long as its travel, and a hand as long as the lever that shows
+        the turn.
 
-        ASSUMPTION, for the drawing alone: X carries Y, and Y carries Z; coordinates do not depend on it.
+        ASSUMPTION, for the drawing alone: X carries Y, and Y carries Z; coordinates do not depend
+        on it.
         """
         *slides, rotary = self.axes
         ways = [ca.DM(direction) for direction in self.directions]
-        carriages = [sum((q[i] * ways[i] for i in range(k)), ca.SX.zeros(3)) for k in range(len(slides) + 1)]
+        carriages = [
+            sum((q[i] * ways[i] for i in range(k)), ca.SX.zeros(3)) for k in range(len(slides) + 1)
+        ]
         rails, pivots = [], []
         for k, axis in enumerate(slides):
             # a slide whose travel has no end is drawn from its zero to where it is
             low, high = (self.home_q[k] + end for end in axis.travel)
             low, high = (low, high) if np.isfinite([low, high]).all() else (0.0, q[k])
             sort: Sort = "link" if k else "frame"
-            rails.append(Bar(sort, carriages[k] + low * ways[k], carriages[k] + high * ways[k], axis.name))
+            rails.append(
+                Bar(sort, carriages[k] + low * ways[k], carriages[k] + high * ways[k], axis.name)
+            )
             pivots.append(Pivot(carriages[k + 1]))
         hand = rotation[:, 0] * self.characteristic_length
-        return Skeleton((*rails, Bar("link", position, position + hand, rotary.name)), tuple(pivots))
+        return Skeleton(
+            (*rails, Bar("link", position, position + hand, rotary.name)), tuple(pivots)
+        )
 
 
 def nearest_turn(sine: ca.SX, cosine: ca.SX, near: ca.SX) -> ca.SX:
@@ -123,11 +155,15 @@ def _axis_table_type(value: Any) -> type[TableSchema]:
 
 
 class TraverserFile(LoadedFile):
-    """A traverser, key by key: `axes` is what the slides have, `rotary` what the turning axis has."""
+    """A traverser, key by key: `axes` is what the slides have, `rotary` what the turning axis
+    has.
+    """
 
     first_place = (20, 20, 20)
     gravity: tuple[Pull, Pull, Pull] | None = key(
-        "gravity in the base frame; down along X if not stated", '["-9.80665 m/s^2", "0 m/s^2", "0 m/s^2"]', None
+        "gravity in the base frame; down along X if not stated",
+        '["-9.80665 m/s^2", "0 m/s^2", "0 m/s^2"]',
+        None,
     )
     kind: Literal["traverser"] = KIND
     geometry: TraverserGeometry = GEOMETRY
@@ -139,7 +175,12 @@ class TraverserFile(LoadedFile):
         return Traverser.freedom
 
     def list_axes(self) -> list[Axis]:
-        return axes((*SLIDES, ROTARY), dict.fromkeys(SLIDES, self.axes) | {ROTARY: self.rotary}, self.axis, self)
+        return axes(
+            (*SLIDES, ROTARY),
+            dict.fromkeys(SLIDES, self.axes) | {ROTARY: self.rotary},
+            self.axis,
+            self,
+        )
 
     @staticmethod
     def geometry_of(machine: Traverser, complete: bool) -> dict[str, Any]:

@@ -1,4 +1,5 @@
-"""The tripod: three arms that move a plate without turning it; its TOML, and its geometry file of [KMITL 2005].
+"""The tripod: three arms that move a plate without turning it; its TOML, and its geometry file of
+[KMITL 2005].
 
 That file, `Basiclength`, says where the three arms' joints are:
 
@@ -11,14 +12,15 @@ That file, `Basiclength`, says where the three arms' joints are:
     Lengtherror 0.0000
     BLU 1.0000
 
-As the source's reader takes it: the first four letters say what a line is; columns 6 to 12, 14 to 20 and 21 to 27 hold
-x, y and z of a point, columns 13 to 21 a length (5 to 13 after BLU); decimals have points. Pa*: the joints at the base,
-Pb*: those of the plate, Cent: its centre, all in the base frame, as the machine stands at the start; Ende: how far the
-end point is below the plate's centre, Leng: how far the plate is below its joints. BLU, the step of a key, moves
-nothing here.
+As the source's reader takes it: the first four letters say what a line is; columns 6 to 12, 14 to
+20 and 21 to 27 hold x, y and z of a point, columns 13 to 21 a length (5 to 13 after BLU); decimals
+have points. Pa*: the joints at the base, Pb*: those of the plate, Cent: its centre, all in the base
+frame, as the machine stands at the start; Ende: how far the end point is below the plate's centre,
+Leng: how far the plate is below its joints. BLU, the step of a key, moves nothing here.
 
-The source prints the reader, not the file, and none of its numbers. ASSUMPTIONS: units are mm, and the machine has the
-drives, travel and limits of the preset `tripod`; joints point the way from base to plate.
+The source prints the reader, not the file, and none of its numbers. ASSUMPTIONS: units are mm, and
+the machine has the drives, travel and limits of the preset `tripod`; joints point the way from base
+to plate.
 """
 
 import re
@@ -62,7 +64,8 @@ class Tripod(Legged):
 
     base, platform  (3, 3) joint centres in the frames of base and plate, m
     tool            (3,) the tool's centre in the plate's frame, m: poses are those of the tool
-    Everything else as `Legged` has it; a tripod that hangs has rest axes that point down. Source: [KMITL 2005].
+    Everything else as `Legged` has it; a tripod that hangs has rest axes that point down. Source:
+    [KMITL 2005].
     """
 
     legs = 3
@@ -79,18 +82,26 @@ class Tripod(Legged):
         **options: Any,
     ) -> None:
         machine = options.get("name") or "tripod"
-        self.tool: Array = freeze_array(finite_array(tool, f"machine {machine}: tool", (3,), unit="m"))
+        self.tool: Array = freeze_array(
+            finite_array(tool, f"machine {machine}: tool", (3,), unit="m")
+        )
         if isinstance(platform_disc, Disc):
-            platform_disc = replace(platform_disc, centre=np.asarray(platform_disc.centre) - self.tool)
+            platform_disc = replace(
+                platform_disc, centre=np.asarray(platform_disc.centre) - self.tool
+            )
         plate = joints(machine, "platform", platform, self.legs) - self.tool
         super().__init__(base, plate, platform_disc=platform_disc, **options)
 
     def arm_lengths(self, pose: "Pose") -> Array:
         """‖p + R a − b‖ of each arm at any pose of the tool, turned or not: (N, 3) m, or (3,).
 
-        A simulation, as [KMITL 2005] has it: three arms cannot hold a plate that is turned, so `inverse` refuses to.
+        A simulation, as [KMITL 2005] has it: three arms cannot hold a plate that is turned, so
+        `inverse` refuses to.
         """
-        joints = self.platform @ np.swapaxes(pose.rotation.as_matrix(), -1, -2) + pose.translation[..., None, :]
+        joints = (
+            self.platform @ np.swapaxes(pose.rotation.as_matrix(), -1, -2)
+            + pose.translation[..., None, :]
+        )
         return np.asarray(np.linalg.norm(joints - self.base, axis=-1))
 
 
@@ -101,7 +112,9 @@ JOINT_ROWS = "give three rows [x, y, z], one for each arm, with decimal points"
 
 
 class TripodGeometry(Platforms):
-    """Joint centres one by one, each in the frame of its platform; tool: its centre in the plate's frame."""
+    """Joint centres one by one, each in the frame of its platform; tool: its centre in the plate's
+    frame.
+    """
 
     base_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = BASE_REST
     platform_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = PLATFORM_REST
@@ -109,9 +122,12 @@ class TripodGeometry(Platforms):
         "centres of the base joints in the base frame: x, y, z of arm1 to arm3", remedy=JOINT_ROWS
     )
     platform_joints: tuple[Point, Point, Point] = key(
-        "centres of the plate's joints in the plate's own frame: x, y, z of arm1 to arm3", remedy=JOINT_ROWS
+        "centres of the plate's joints in the plate's own frame: x, y, z of arm1 to arm3",
+        remedy=JOINT_ROWS,
     )
-    tool: Point = key("tool centre point in the plate's frame", '["0 mm", "0 mm", "0 mm"]', (0.0, 0.0, 0.0))
+    tool: Point = key(
+        "tool centre point in the plate's frame", '["0 mm", "0 mm", "0 mm"]', (0.0, 0.0, 0.0)
+    )
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
         return self.base_joints, np.asarray(self.platform_joints) - self.tool
@@ -137,7 +153,9 @@ class TripodFile(LoadedFile):
         return Tripod.freedom
 
     def list_axes(self) -> list[Axis]:
-        return axes(ARMS, dict.fromkeys(ARMS, self.axes), self.axis, self, self.geometry.home_lengths)
+        return axes(
+            ARMS, dict.fromkeys(ARMS, self.axes), self.axis, self, self.geometry.home_lengths
+        )
 
     @staticmethod
     def geometry_of(machine: Tripod, complete: bool) -> dict[str, Any]:
@@ -192,13 +210,21 @@ def is_basic_lengths(source: Path | Traversable) -> bool:
     if source.name.lower().endswith(".toml"):
         return False
     return (
-        _key(bytes_of(source, MAX_FILE_BYTES).removeprefix(b"\xef\xbb\xbf").lstrip()[:4].decode("ascii", "replace"))
+        _key(
+            bytes_of(source, MAX_FILE_BYTES)
+            .removeprefix(b"\xef\xbb\xbf")
+            .lstrip()[:4]
+            .decode("ascii", "replace")
+        )
         is not None
     )
 
 
 def read_basic_lengths(source: Path | Traversable, like: Machine) -> Tripod:
-    """The machine of a file, named after it. Raises FileError with every fault, each with its line and columns."""
+    """The machine of a file, named after it.
+
+    Raises FileError with every fault, each with its line and columns.
+    """
     file = str(source)
     raw = bytes_of(source, MAX_FILE_BYTES)
     refuse_utf16(file, raw)
@@ -209,7 +235,9 @@ def read_basic_lengths(source: Path | Traversable, like: Machine) -> Tripod:
     found = _read(text)
     missing = [key for key in REQUIRED_KEYS if key not in found.values]
     if missing and not found.faults:
-        found.faults.append(Fault("", f"missing: {', '.join(missing)}; each begins a line of its own", None))
+        found.faults.append(
+            Fault("", f"missing: {', '.join(missing)}; each begins a line of its own", None)
+        )
     if found.faults:
         raise FileError(file, found.faults)
     try:
@@ -231,7 +259,9 @@ def _read(text: str) -> _Found:
                 f"{describe_value(first)} begins no line of this file{nearest(first[:4], known)}; known "
                 f"are {', '.join(known)}"
             )
-            found.faults.append(Fault("", told, number, first, ", ".join(known), closest(first[:4], known)))
+            found.faults.append(
+                Fault("", told, number, first, ", ".join(known), closest(first[:4], known))
+            )
         elif key in found.values:
             found.faults.append(Fault(key, "appears twice", number))
         else:
@@ -240,7 +270,9 @@ def _read(text: str) -> _Found:
 
 
 def _numbers(key: str, line: str, number: int, faults: list[Fault]) -> tuple[float, ...]:
-    """The numbers in a line's columns; what stands between or behind them, the source's reader would drop."""
+    """The numbers in a line's columns; what stands between or behind them, the source's reader
+    would drop.
+    """
     columns = COORDINATES if key in POINTS else (LENGTHS[key],)
     values = []
     for low, high in columns:
@@ -255,7 +287,9 @@ def _numbers(key: str, line: str, number: int, faults: list[Fault]) -> tuple[flo
         values.append(float(text))
     first = columns[0][0]
     rest = "".join(
-        letter for n, letter in enumerate(line) if n >= first and not any(low <= n < high for low, high in columns)
+        letter
+        for n, letter in enumerate(line)
+        if n >= first and not any(low <= n < high for low, high in columns)
     )
     if rest.strip():
         told = (
@@ -273,7 +307,9 @@ def _key(line: str) -> str | None:
 def _machine(values: Mapping[str, tuple[float, ...]], name: str, like: Machine) -> Tripod:
     from scipy.spatial.transform import RigidTransform
 
-    base, plate = (np.array([values[key] for key in keys]) / UNITS_PER_METRE for keys in (BASE, PLATE))
+    base, plate = (
+        np.array([values[key] for key in keys]) / UNITS_PER_METRE for keys in (BASE, PLATE)
+    )
     below = np.array([0.0, 0.0, values.get("Leng", (0.0,))[0]]) / UNITS_PER_METRE
     centre = np.array(values[CENTRE]) / UNITS_PER_METRE - below
     tool = np.array([0.0, 0.0, -values["Ende"][0]]) / UNITS_PER_METRE

@@ -1,4 +1,5 @@
-"""Reading of the joints of a serial arm from its URDF, without pinocchio, which has no wheels for Windows.
+"""Reading of the joints of a serial arm from its URDF, without pinocchio, which has no wheels for
+Windows.
 
 Only links, joints and inertias are read. Shapes and the limits of joints are ignored.
 """
@@ -28,17 +29,22 @@ if TYPE_CHECKING:
 TURNING, FIXED = ("revolute", "continuous"), "fixed"
 """Types of joints."""
 MAX_BASE_DISTANCE = 1e6
-"""m within which every joint and the tool must lie. A larger distance is a slip of units, and overflows."""
+"""m within which every joint and the tool must lie.
+
+A larger distance is a slip of units, and overflows.
+"""
 NAME = re.compile(rb"""\b(?:name|link|joint)\s*=\s*(?:"([^"<]*)"|'([^'<]*)')""")
 """A name as the file has it. XML readers disagree about line ends in it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Joints:
-    """Three revolute joints at q = 0, in the base frame: a point on each axis and its direction, both (3, 3); the tool.
+    """Three revolute joints at q = 0, in the base frame: a point on each axis and its direction,
+    both (3, 3); the tool.
 
     tool   (3,) position and (3, 3) rotation of the tool's frame
-    links  bodies that each joint moves, at q = 0 in the base frame: mass, centre (3,) and inertia (3, 3) about it
+    links  bodies that each joint moves, at q = 0 in the base frame: mass, centre (3,) and inertia
+           (3, 3) about it
     """
 
     points: Array
@@ -50,7 +56,9 @@ class Joints:
 
 @dataclass(frozen=True, slots=True)
 class _Link:
-    """A link as it lies at q = 0: its frame, the number of the moving joint that carries it (−1: none), its mass."""
+    """A link as it lies at q = 0: its frame, the number of the moving joint that carries it (−1:
+    none), its mass.
+    """
 
     frame: RigidTransform
     carrier: int
@@ -62,11 +70,15 @@ class _Link:
 def parse_urdf(path: Path) -> ElementTree.Element:
     """Parse the robot of a URDF.
 
-    Raises FileError, with the line, for a file that is not XML or describes no robot, and for unprintable names.
+    Raises FileError, with the line, for a file that is not XML or describes no robot, and for
+    unprintable names.
     """
     raw = bytes_of(path, MAX_BYTES)
     if b"<!DOCTYPE" in raw or b"<!ENTITY" in raw:
-        raise FileError(str(path), [Fault("", "a URDF needs no document type, whose entities are not read: delete it")])
+        raise FileError(
+            str(path),
+            [Fault("", "a URDF needs no document type, whose entities are not read: delete it")],
+        )
     try:
         root = ElementTree.fromstring(raw)
     except ElementTree.ParseError as error:
@@ -75,7 +87,9 @@ def parse_urdf(path: Path) -> ElementTree.Element:
         message = f"not XML at column {column + 1}: {reason}; the rest was not checked"
         raise FileError(str(path), [Fault("", message, line)]) from None
     if root.tag != "robot":
-        raise FileError(str(path), [Fault("", f"not a URDF: it begins with <{root.tag}> instead of <robot>", 1)])
+        raise FileError(
+            str(path), [Fault("", f"not a URDF: it begins with <{root.tag}> instead of <robot>", 1)]
+        )
     faults = _find_unprintable_names(raw, root)
     if faults:
         raise FileError(str(path), faults)
@@ -83,10 +97,14 @@ def parse_urdf(path: Path) -> ElementTree.Element:
 
 
 def _find_unprintable_names(raw: bytes, root: ElementTree.Element) -> list[Fault]:
-    """List names with control characters: as the file has them, else as its character references make them."""
+    """List names with control characters: as the file has them, else as its character references
+    make them.
+    """
     faults = []
     # comments become empty lines, which keep their numbers
-    raw = re.sub(rb"<!--.*?-->", lambda comment: re.sub(rb"[^\r\n]", b"", comment[0]), raw, flags=re.DOTALL)
+    raw = re.sub(
+        rb"<!--.*?-->", lambda comment: re.sub(rb"[^\r\n]", b"", comment[0]), raw, flags=re.DOTALL
+    )
     for match in NAME.finditer(raw):
         name = (match[1] or match[2] or b"").decode("utf-8", "replace")
         if reason := _describe_unprintable(name):
@@ -96,7 +114,11 @@ def _find_unprintable_names(raw: bytes, root: ElementTree.Element) -> list[Fault
         return faults
     names = (element.get(key, "") for element in root.iter() for key in ("name", "link", "joint"))
     reasons = {name: _describe_unprintable(name) for name in names}
-    return [Fault("", f"name {describe_value(name)} {reason}") for name, reason in reasons.items() if reason]
+    return [
+        Fault("", f"name {describe_value(name)} {reason}")
+        for name, reason in reasons.items()
+        if reason
+    ]
 
 
 def _describe_unprintable(name: str) -> str | None:
@@ -105,11 +127,18 @@ def _describe_unprintable(name: str) -> str | None:
 
 
 def refuse_other_motion(root: ElementTree.Element, wanted: Sequence[str]) -> None:
-    """Raise MotionError, with a key, if a joint other than the wanted ones moves, or if one follows another (<mimic>).
+    """Raise MotionError, with a key, if a joint other than the wanted ones moves, or if one follows
+    another (<mimic>).
 
-    The machine has three axes. It cannot move a gripper, and it does not know that one joint moves another.
+    The machine has three axes. It cannot move a gripper, and it does not know that one joint moves
+    another.
     """
-    moving = {name: joint for joint in root.findall("joint") if _moves(joint) for name in [joint.get("name", "")]}
+    moving = {
+        name: joint
+        for joint in root.findall("joint")
+        if _moves(joint)
+        for name in [joint.get("name", "")]
+    }
     for name, joint in moving.items():
         leader = joint.find("mimic")
         if leader is not None:
@@ -166,9 +195,13 @@ def _read(root: ElementTree.Element, wanted: list[str], tool: str) -> Joints:
     for name in wanted:
         if name not in moving:
             near = nearest(str(name), moving) if closest(str(name), moving) else ""
-            raise _Wrong("joints", f"there is no joint {describe_value(name)}{near}; {known_joints}")
+            raise _Wrong(
+                "joints", f"there is no joint {describe_value(name)}{near}; {known_joints}"
+            )
     if len(wanted) != 3 or len(set(wanted)) < 3:
-        raise _Wrong("joints", f"wanted are three joints that turn, {describe_value(wanted)}; {known_joints}")
+        raise _Wrong(
+            "joints", f"wanted are three joints that turn, {describe_value(wanted)}; {known_joints}"
+        )
     refuse_other_motion(root, wanted)
     links, axes = _place_links(root, elements, wanted)
     if tool not in links:
@@ -176,7 +209,9 @@ def _read(root: ElementTree.Element, wanted: list[str], tool: str) -> Joints:
         raise _Wrong("tool", f"there is no frame {describe_value(tool)}{near}; there are {known}")
     if links[tool].carrier != 2:
         by = repr(wanted[links[tool].carrier]) if links[tool].carrier >= 0 else "nothing that moves"
-        raise _Wrong("tool", f"frame {tool!r} is carried by {by}, not by the last joint {wanted[-1]!r}")
+        raise _Wrong(
+            "tool", f"frame {tool!r} is carried by {by}, not by the last joint {wanted[-1]!r}"
+        )
     points = [point for point, _ in axes]
     frame = links[tool].frame
     if not np.abs([*points, frame.translation]).max() < MAX_BASE_DISTANCE:
@@ -186,22 +221,31 @@ def _read(root: ElementTree.Element, wanted: list[str], tool: str) -> Joints:
         freeze_array([direction for _, direction in axes]),
         freeze_array(frame.translation),
         freeze_array(frame.rotation.as_matrix()),
-        tuple(_combine([link for link in links.values() if link.carrier == k], points[k]) for k in range(3)),
+        tuple(
+            _combine([link for link in links.values() if link.carrier == k], points[k])
+            for k in range(3)
+        ),
     )
 
 
 def _place_links(
     root: ElementTree.Element, joints: Mapping[str, ElementTree.Element], wanted: list[str]
 ) -> tuple[dict[str, _Link], list[tuple[Array, Array]]]:
-    """Return every link, and a point and the direction of every wanted joint's axis, at q = 0 in the base frame."""
+    """Return every link, and a point and the direction of every wanted joint's axis, at q = 0 in
+    the base frame.
+    """
     from scipy.spatial.transform import RigidTransform
 
     bodies = {element.get("name", ""): element for element in root.findall("link")}
-    ways = {name: (_linked(joint, "parent"), _linked(joint, "child")) for name, joint in joints.items()}
+    ways = {
+        name: (_linked(joint, "parent"), _linked(joint, "child")) for name, joint in joints.items()
+    }
     children = [child for _, child in ways.values()]
     bases = [name for name in bodies if name not in children]
     if len(bases) != 1 or len(set(children)) < len(children) or not {*children} <= bodies.keys():
-        raise _Wrong("", "its links are no tree with one base: every link but one is the child of one joint")
+        raise _Wrong(
+            "", "its links are no tree with one base: every link but one is the child of one joint"
+        )
     links = {bases[0]: _link(bodies[bases[0]], RigidTransform.identity(), -1)}
     axes: dict[int, tuple[Array, Array]] = {}
     left = dict(ways)
@@ -211,7 +255,10 @@ def _place_links(
             frame, carrier = links[parent].frame * _origin(joints[name]), links[parent].carrier
             if name in wanted:
                 if joints[name].get("type") not in TURNING:
-                    raise _Wrong("joints", f"{name!r} does not turn; an arm's joints are revolute or continuous")
+                    raise _Wrong(
+                        "joints",
+                        f"{name!r} does not turn; an arm's joints are revolute or continuous",
+                    )
                 if wanted.index(name) != carrier + 1:
                     raise _Wrong("joints", f"{wanted} do not follow each other from the base")
                 carrier += 1
@@ -227,14 +274,19 @@ def _link(element: ElementTree.Element, frame: RigidTransform, carrier: int) -> 
     if inertial is None:
         return _Link(frame, carrier, 0.0, np.zeros(3), np.zeros((3, 3)))
     placed = frame * _origin(inertial)
-    xx, yy, zz, xy, xz, yz = (_value(inertial, "inertia", name) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+    xx, yy, zz, xy, xz, yz = (
+        _value(inertial, "inertia", name) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    )
     turned = placed.rotation.as_matrix()
     inertia = turned @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turned.T
     return _Link(frame, carrier, _value(inertial, "mass", "value"), placed.translation, inertia)
 
 
 def _combine(links: Sequence[_Link], joint: Array) -> tuple[float, Array, Array]:
-    """Return mass, centre and inertia about it of links that move as one. Without mass the centre is the joint."""
+    """Return mass, centre and inertia about it of links that move as one.
+
+    Without mass the centre is the joint.
+    """
     mass = sum(link.mass for link in links)
     centre = sum((link.mass * link.centre for link in links), np.zeros(3)) / mass if mass else joint
     inertia = np.zeros((3, 3))
@@ -245,7 +297,9 @@ def _combine(links: Sequence[_Link], joint: Array) -> tuple[float, Array, Array]
 
 
 def _origin(element: ElementTree.Element) -> RigidTransform:
-    """Return x, y, z (m) and roll, pitch, yaw (rad) about the fixed axes in turn; the identity if not stated."""
+    """Return x, y, z (m) and roll, pitch, yaw (rad) about the fixed axes in turn; the identity if
+    not stated.
+    """
     from scipy.spatial.transform import RigidTransform, Rotation
 
     origin = element.find("origin")
@@ -257,7 +311,11 @@ def _origin(element: ElementTree.Element) -> RigidTransform:
 
 def _axis(name: str, joint: ElementTree.Element) -> Array:
     stated = joint.find("axis")
-    axis = np.array([1.0, 0.0, 0.0]) if stated is None else _numbers(joint, stated.get("xyz", "1 0 0"), "axis")
+    axis = (
+        np.array([1.0, 0.0, 0.0])
+        if stated is None
+        else _numbers(joint, stated.get("xyz", "1 0 0"), "axis")
+    )
     size = float(np.linalg.norm(axis))
     if not size > 0:
         raise _Wrong("joints", f'{name!r} has no axis: write e.g. <axis xyz="0 0 1"/>')
@@ -274,7 +332,9 @@ def _linked(joint: ElementTree.Element, end: str) -> str:
 
 def _value(element: ElementTree.Element, part: str, name: str) -> float:
     child = element.find(part)
-    return float(_numbers(element, "" if child is None else child.get(name, ""), f"{part} {name}", 1)[0])
+    return float(
+        _numbers(element, "" if child is None else child.get(name, ""), f"{part} {name}", 1)[0]
+    )
 
 
 def _numbers(element: ElementTree.Element, text: str, what: str, count: int = 3) -> Array:

@@ -1,7 +1,7 @@
 """What a kind of machine states: its inverse map as one expression, and what else only it knows.
 
-That is which of a pose's six components it controls (poses that need another are refused), and what can be drawn of it:
-straight bars and pivots.
+That is which of a pose's six components it controls (poses that need another are refused), and what
+can be drawn of it: straight bars and pivots.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ FLATNESS_SHARE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A straight part from start to end, (3,) in the base frame; axis: the name of the one that moves it, if any."""
+    """A straight part from start to end, (3,) in the base frame; axis: the name of the one that
+    moves it, if any.
+    """
 
     sort: Sort
     start: Point
@@ -47,7 +49,9 @@ class Bar:
 
 @dataclass(frozen=True, slots=True)
 class Pivot:
-    """A joint's centre, (3,) in the base frame; name: that of its tilt in `tilt_names`, or empty where it has none."""
+    """A joint's centre, (3,) in the base frame; name: that of its tilt in `tilt_names`, or empty
+    where it has none.
+    """
 
     at: Point
     name: str = ""
@@ -63,14 +67,17 @@ class Skeleton:
 
 @dataclass(frozen=True, slots=True)
 class PlacedSkeleton:
-    """A skeleton at N poses: start and end of every bar (N, bars, 2, 3) and centres (N, pivots, 3), m, base frame."""
+    """A skeleton at N poses: start and end of every bar (N, bars, 2, 3) and centres (N, pivots, 3),
+    m, base frame.
+    """
 
     bars: Array
     pivots: Array
 
 
 def ring(points: ArrayLike) -> list[tuple[int, int]]:
-    """Pairs of neighbours on the way round points (n, 3), as they lie about their middle in the plane nearest to them.
+    """Pairs of neighbours on the way round points (n, 3), as they lie about their middle in the
+    plane nearest to them.
 
     Points on a line come in their order along it.
     """
@@ -94,10 +101,12 @@ class Kind(ABC):
     """What `kinematics.machine.machine.Machine` asks of its kind.
 
     It states its map from pose to actuator coordinates once, symbolically, in `expression`; numeric
-    evaluation, Jacobian, path derivatives, guaranteed enclosures and optimisation all come from that.
+    evaluation, Jacobian, path derivatives, guaranteed enclosures and optimisation all come from
+    that.
 
     freedom   which of x y z rx ry rz it controls, as many as it has axes
-    follows   which go along with them: ignored by the inverse map, filled in by `forward`; all others are held at home
+    follows   which go along with them: ignored by the inverse map, filled in by `forward`; all
+              others are held at home
     branched  whether a pose has several coordinates (turns, elbows), among which `near` chooses
     lengths   whether coordinates are distances: none is below 0, and not all belong to a pose
     sorts     "linear" or "rotary" of each axis; empty: whichever it is
@@ -115,7 +124,9 @@ class Kind(ABC):
     sorts: tuple[str, ...] = ()
     legs: ClassVar[int] = 0
     characteristic_length: float
-    """m that count as one radian where lengths and angles meet, as in the path parameter of a pure turn."""
+    """m that count as one radian where lengths and angles meet, as in the path parameter of a pure
+    turn.
+    """
 
     load: Load
     """What it carries: its platform's masses, tool and wrench."""
@@ -133,7 +144,8 @@ class Kind(ABC):
 
     @abstractmethod
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
-        """Actuator coordinates (n,) at position (3) and rotation (3, 3) of the platform frame in the base frame.
+        """Actuator coordinates (n,) at position (3) and rotation (3, 3) of the platform frame in
+        the base frame.
 
         near (n,) chooses where `branched`; others ignore it.
         """
@@ -143,7 +155,9 @@ class Kind(ABC):
         return position, rotation
 
     def alternatives(self, near: Array) -> list[Array]:
-        """Coordinates near which a pose's are looked for, in turn, where there are none near (n,)."""
+        """Coordinates near which a pose's are looked for, in turn, where there are none near
+        (n,).
+        """
         return []
 
     def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
@@ -160,7 +174,9 @@ class Kind(ABC):
     bodies: Bodies | None = None
     """What takes up room, so that its clearance can be measured; nothing by default."""
 
-    def moving_bodies(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
+    def moving_bodies(
+        self, position: ca.SX, rotation: ca.SX, q: ca.SX
+    ) -> tuple[tuple[Body, ca.SX], ...]:
         """The bodies that move, the platform first, each with the twelve numbers of its frame.
 
         The pose has what follows filled in; q belongs to it.
@@ -168,7 +184,8 @@ class Kind(ABC):
         return ((self.load.platform, column(*self.fill_pose(position, rotation, q))),)
 
     def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
-        """Bars and pivots to draw, at a pose with what follows filled in and the coordinates that belong to it.
+        """Bars and pivots to draw, at a pose with what follows filled in and the coordinates that
+        belong to it.
 
         Nothing by default: the machine is then drawn by the axes of its tool alone.
         """
@@ -185,26 +202,31 @@ def check_room(name: str, room: ArrayLike) -> Sequence[tuple[float, float]]:
     return [(float(low), float(high)) for low, high in rows]
 
 
-# m or rad off home up to which a held component counts as kept: the rounding of poses put together from rotations.
+# m or rad off home up to which a held component counts as kept: the rounding of poses put together
+# from rotations.
 HELD_TOLERANCE = 1e-9
 
 
 def columns(machine: Kind) -> np.ndarray:
-    """Indices of the components that the machine controls: the columns of its Jacobian that count."""
+    """Indices of the components that the machine controls: the columns of its Jacobian that
+    count.
+    """
     return np.array([COMPONENTS.index(name) for name in machine.freedom])
 
 
 def spin_follows(machine: Kind) -> bool:
-    """Return whether rx and ry are controlled and rz follows: a tool whose direction counts and whose spin does not."""
+    """Return whether rx and ry are controlled and rz follows: a tool whose direction counts and
+    whose spin does not.
+    """
     return {"rx", "ry"} <= set(machine.freedom) and "rz" in machine.follows
 
 
 def controlled_twists(machine: Kind, x: Array) -> Array:
     """Return the unit twists (N, 6, n) [v, ω] that the machine controls, in the base frame.
 
-    They are along and about the base axes. Where the tool's spin follows, turns are about the tool's
-    x and y axes instead, because no turn about an axis moves a tool that lies along it.
-    x (N, 12): pose numbers.
+    They are along and about the base axes. Where the tool's spin follows, turns are about the
+    tool's x and y axes instead, because no turn about an axis moves a tool that lies along it. x
+    (N, 12): pose numbers.
     """
     twists = np.zeros((len(x), 6, len(machine.freedom)))
     free = columns(machine)
@@ -229,14 +251,20 @@ def controlled_twist_symbols(machine: Kind, rotation: ca.SX) -> ca.SX:
 
 
 def deviations(machine: Kind, x: Array) -> Array:
-    """(N, 6) of pose numbers x (N, 12) from home: position, and the vector of the turn, in the base frame."""
+    """(N, 6) of pose numbers x (N, 12) from home: position, and the vector of the turn, in the base
+    frame.
+    """
     home = machine.home_numbers
     turn = x[:, 3:].reshape(-1, 3, 3) @ home[0, 3:].reshape(3, 3).T
     return np.concatenate([x[:, :3] - home[:, :3], find_vectors(turn)], 1)
 
 
-def refuse_uncontrolled(machine: Kind, x: Array, name_of: Callable[[int], str] = "pose {}".format) -> None:
-    """Raise NotFree, naming the component, for the first of N poses that leaves the machine's freedom."""
+def refuse_uncontrolled(
+    machine: Kind, x: Array, name_of: Callable[[int], str] = "pose {}".format
+) -> None:
+    """Raise NotFree, naming the component, for the first of N poses that leaves the machine's
+    freedom.
+    """
     held = [k for k, name in enumerate(COMPONENTS) if name not in machine.freedom + machine.follows]
     if not held or not len(x):
         return
@@ -245,9 +273,15 @@ def refuse_uncontrolled(machine: Kind, x: Array, name_of: Callable[[int], str] =
     if wrong.any():
         pose = int(np.argmax(wrong.any(1)))
         size = np.where(np.array(held) < 3, 1 / machine.characteristic_length, 1.0)
-        entry = int(np.argmax(np.abs(off[pose]) * size))  # what is furthest off, at the machine's size
+        entry = int(
+            np.argmax(np.abs(off[pose]) * size)
+        )  # what is furthest off, at the machine's size
         name = COMPONENTS[held[entry]]
-        value = f"{off[pose, entry] * 1e3:.6g} mm" if held[entry] < 3 else f"{np.rad2deg(off[pose, entry]):.6g} deg"
+        value = (
+            f"{off[pose, entry] * 1e3:.6g} mm"
+            if held[entry] < 3
+            else f"{np.rad2deg(off[pose, entry]):.6g} deg"
+        )
         raise NotFree(
             f"machine {machine.name} holds {name}: {name_of(pose)} has {name} {value} off home; "
             f"it moves {', '.join(machine.freedom)} only; leave {name} as it is at home",
@@ -256,6 +290,8 @@ def refuse_uncontrolled(machine: Kind, x: Array, name_of: Callable[[int], str] =
 
 
 def describe_pose(x: Array, k: int) -> str:
-    """Pose k of some (N, 12), as messages name it: by its number, where there are more, and its position."""
+    """Pose k of some (N, 12), as messages name it: by its number, where there are more, and its
+    position.
+    """
     number = f"pose {k}" if len(x) > 1 else "the pose"
     return f"{number}, position {', '.join(f'{each + 0.0:.6g}' for each in x[k, :3] * 1e3)} mm"

@@ -1,4 +1,6 @@
-"""What a machine moves: rigid bodies (mass, centre of mass, inertia), gravity, and what pushes on its platform."""
+"""What a machine moves: rigid bodies (mass, centre of mass, inertia), gravity, and what pushes on
+its platform.
+"""
 
 from dataclasses import dataclass, field
 
@@ -22,7 +24,8 @@ class Body:
     inertia  (3, 3) kg·m² about the centre of mass, along the axes of the frame
     name     what an error calls it
 
-    Raises MotionError for what no rigid body has: principal moments must be ≥ 0, none above the sum of the others.
+    Raises MotionError for what no rigid body has: principal moments must be ≥ 0, none above the sum
+    of the others.
     """
 
     __repr__ = short_repr
@@ -80,19 +83,30 @@ def cylinder(mass: float, radius: float, low: float, high: float, name: str = "c
     if not 0 <= radius <= MAX_DISTANCE:
         raise MotionError(f"{name}: radius {radius} m must be from 0 to {MAX_DISTANCE:g} m")
     if not -MAX_DISTANCE <= low < high <= MAX_DISTANCE:
-        raise MotionError(f"{name}: low {low} m must lie below high {high} m, both within {MAX_DISTANCE:g} m")
+        raise MotionError(
+            f"{name}: low {low} m must lie below high {high} m, both within {MAX_DISTANCE:g} m"
+        )
     across, along = mass * (3 * radius**2 + (high - low) ** 2) / 12, mass * radius**2 / 2
-    return Body(mass, freeze_array([0, 0, (low + high) / 2]), freeze_array(np.diag([across, across, along])), name)
+    return Body(
+        mass,
+        freeze_array([0, 0, (low + high) / 2]),
+        freeze_array(np.diag([across, across, along])),
+        name,
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """The two parts of a linear actuator between a universal joint on the base and a spherical one on the platform.
+    """The two parts of a linear actuator between a universal joint on the base and a spherical one
+    on the platform.
 
-    barrel      what turns about the base joint: in a frame at that joint's centre, z along the leg to the platform
-    rod         what also slides: in a frame at the platform joint's centre, its axes parallel to the barrel's
-    first_axis  (3,) axis of the universal joint that stands still in the base frame; its part along the leg at home
-                does not count. None: the axis of the base that lies most across the leg at home
+    barrel      what turns about the base joint: in a frame at that joint's centre, z along the leg
+                to the platform
+    rod         what also slides: in a frame at the platform joint's centre, its axes parallel to
+                the barrel's
+    first_axis  (3,) axis of the universal joint that stands still in the base frame; its part along
+                the leg at home does not count. None: the axis of the base that lies most across the
+                leg at home
 
     At home, x of both frames is the first axis made perpendicular to the leg.
     """
@@ -126,7 +140,8 @@ class Load:
 
     platform  what moves with the platform's (tool's) frame, in that frame
     legs      of machines with legs: one for each, or one for all; none: legs without mass
-    gravity   (3,) m/s² in the base frame; None: down the vertical of the machine that carries it (`Kind.vertical`)
+    gravity   (3,) m/s² in the base frame; None: down the vertical of the machine that carries it
+              (`Kind.vertical`)
     wrench    (6,) N and N·m that act on the platform from outside at its origin, in the base frame
 
     What an axis carries by itself (`friction`, `reflected`) is the axis' own.

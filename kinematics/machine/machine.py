@@ -25,7 +25,9 @@ UNLIMITED = {"inf": "unlimited", "-inf": "unlimited", "None": "unlimited"}
 
 
 def axes_table(machine: Machine) -> Table:
-    """Travel, pulse and limits of each axis; both ways, towards smaller positions first, where they differ on one."""
+    """Travel, pulse and limits of each axis; both ways, towards smaller positions first, where they
+    differ on one.
+    """
     axes, units = machine.axes, [axis.unit for axis in machine.axes]
     forces = ["N" if axis.kind == "linear" else "N m" for axis in axes]
     columns = [
@@ -49,7 +51,9 @@ def axes_table(machine: Machine) -> Table:
     if any(axis.max_force is not None for axis in axes):
         columns.append(Column("force", [axis.max_force for axis in axes], forces, words=UNLIMITED))
     if any(axis.max_pulse_rate is not None for axis in axes):
-        columns.append(Column("pulse rate", [axis.max_pulse_rate for axis in axes], "1/s", words=UNLIMITED))
+        columns.append(
+            Column("pulse rate", [axis.max_pulse_rate for axis in axes], "1/s", words=UNLIMITED)
+        )
     title = f"{machine.name}: {type(machine).__name__.lower()}, moves {' '.join(machine.freedom)}"
     return Table(title, tuple(columns))
 
@@ -57,19 +61,24 @@ def axes_table(machine: Machine) -> Table:
 class Machine(MachineModel, Result):
     """A machine with n axes that moves a platform (or tool).
 
-    Its kind states the inverse map once; all else here follows from that: see `kinematics.machine.kind`.
+    Its kind states the inverse map once; all else here follows from that: see
+    `kinematics.machine.kind`.
     """
 
     @property
     def force_map(self) -> Balance:
-        """x, ẋ, ẍ (12 each), q, q̇, q̈ (n each) -> actuator forces (n): see `kinematics.analysis.virtual_work`."""
+        """x, ẋ, ẍ (12 each), q, q̇, q̈ (n each) -> actuator forces (n): see
+        `kinematics.analysis.virtual_work`.
+        """
         from kinematics.analysis.virtual_work import force_map
 
         return self.derive(force_map, of_load=True)
 
     @property
     def force_terms_map(self) -> Balance:
-        """x, x′, x″, q, q′, q″ along a path -> forces (3 n): at rest, for s̈ = 1 from rest, and for ṡ = 1."""
+        """x, x′, x″, q, q′, q″ along a path -> forces (3 n): at rest, for s̈ = 1 from rest, and for
+        ṡ = 1.
+        """
         from kinematics.analysis.virtual_work import force_terms_map
 
         return self.derive(force_terms_map, of_load=True)
@@ -83,7 +92,9 @@ class Machine(MachineModel, Result):
 
     @property
     def loaded(self) -> bool:
-        """Whether it states masses, friction or a wrench: without any, its actuators have nothing to push."""
+        """Whether it states masses, friction or a wrench: without any, its actuators have nothing
+        to push.
+        """
         from kinematics.analysis.virtual_work import has_load
 
         return self.derive(has_load, of_load=True)
@@ -126,7 +137,8 @@ class Machine(MachineModel, Result):
         return solve(self, q, near, certify)
 
     def check(self, pose: PoseLike, near: ArrayLike | None = None) -> Margins:
-        """Measure travel, tilt and clearance against their limits, conditioning, and how near a singularity is.
+        """Measure travel, tilt and clearance against their limits, conditioning, and how near a
+        singularity is.
 
         Parameters
         ----------

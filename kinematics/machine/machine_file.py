@@ -42,7 +42,9 @@ Construct = Callable[[Any, str, Path | Traversable], Machine]
 
 
 def read_machine(source: Path | Traversable) -> Machine:
-    """The machine that a file describes, named after the file. Raises FileError with every fault of the file.
+    """The machine that a file describes, named after the file.
+
+    Raises FileError with every fault of the file.
 
     Also that of the geometry file of [KMITL 2005], which is no TOML.
     """
@@ -52,17 +54,22 @@ def read_machine(source: Path | Traversable) -> Machine:
 def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
     """What makes the machine that a file describes; making it takes many times as long.
 
-    Raises FileError with every fault that the keys of the file show. What only the machine shows, such as a home pose
-    out of reach, is raised as it is made; so is all of the geometry file of [KMITL 2005].
+    Raises FileError with every fault that the keys of the file show. What only the machine shows,
+    such as a home pose out of reach, is raised as it is made; so is all of the geometry file of
+    [KMITL 2005].
     """
     if is_basic_lengths(source):
-        return lambda: read_basic_lengths(source, read_machine(find("kinematics", "machine", TEMPLATE_MACHINE)))
+        return lambda: read_basic_lengths(
+            source, read_machine(find("kinematics", "machine", TEMPLATE_MACHINE))
+        )
     return partial(_make_machine, source, *_read_model(source))
 
 
 @dataclass(frozen=True, slots=True)
 class MachineSummary:
-    """The axes of a machine, before any [[vibration]] shapes them, and the components of a pose that they control."""
+    """The axes of a machine, before any [[vibration]] shapes them, and the components of a pose
+    that they control.
+    """
 
     name: str
     kind: str
@@ -71,7 +78,9 @@ class MachineSummary:
 
 
 def read_summary(source: Path | Traversable) -> MachineSummary:
-    """Return the summary of a machine. Of most kinds the file states it, and the machine is not made.
+    """Return the summary of a machine.
+
+    Of most kinds the file states it, and the machine is not made.
 
     Raises FileError as `validate_machine_file`.
     """
@@ -82,7 +91,9 @@ def read_summary(source: Path | Traversable) -> MachineSummary:
     try:
         axes = model.list_axes()
     except MotionError as error:
-        raise FileError(document.file, [document.fault(_locate_fault(document.data, error), str(error))]) from error
+        raise FileError(
+            document.file, [document.fault(_locate_fault(document.data, error), str(error))]
+        ) from error
     if axes is None:
         machine = _make_machine(source, document, model, construct)
         return MachineSummary(machine.name, kind, machine.freedom, machine.axes)
@@ -99,11 +110,16 @@ def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Cons
         raise FileError(document.file, [document.fault(("kind",), _refuse_kind(kind))])
     schema, construct, names = KINDS[kind]
     names = names or joints_of(document.data)
-    wired, driven = partial(find_wiring_faults, names), partial(find_pulse_faults, names, _find_turning(document.data))
+    wired, driven = (
+        partial(find_wiring_faults, names),
+        partial(find_pulse_faults, names, _find_turning(document.data)),
+    )
     rules: list[Rule] = [find_repeated_names, driven, find_stray_axis_tables, wired]
     if any("leg_length" in table.model_fields for table in schema.tables_of("axes")):
         rules.append(partial(find_travel_faults, names))
-    model = build(document, schema, *rules, plain=read_declared_units(document.data, {"length": "m"}))
+    model = build(
+        document, schema, *rules, plain=read_declared_units(document.data, {"length": "m"})
+    )
     if (repeated := find_repeated(model.vibration)) is not None:
         first, again = repeated
         place = f"vibration[{first + 1}] in line {document.line(('vibration', first))}"
@@ -123,7 +139,9 @@ def _find_turning(data: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _refuse_kind(kind: Any) -> BadValue:
-    """Why it is no kind; of a word that a machine of another kind is called by, with the way to its file."""
+    """Why it is no kind; of a word that a machine of another kind is called by, with the way to its
+    file.
+    """
     known = ", ".join(map(describe_value, KINDS))
     told, bundled = f"{describe_value(kind)} is not a kind of machine", presets("kinematics")
     if kind is None:
@@ -133,25 +151,35 @@ def _refuse_kind(kind: Any) -> BadValue:
         told += f", but a machine of kind {describe_value(own)}: pulsepath init --machine {kind} writes its file"
         return BadValue(f"{told}; kinds: {known}", allowed=known, nearest=own)
     return BadValue(
-        f"{told}{nearest(str(kind), KINDS)}; kinds: {known}", allowed=known, nearest=closest(str(kind), KINDS)
+        f"{told}{nearest(str(kind), KINDS)}; kinds: {known}",
+        allowed=known,
+        nearest=closest(str(kind), KINDS),
     )
 
 
-def _make_machine(source: Path | Traversable, document: Document, model: MachineFile, construct: Construct) -> Machine:
+def _make_machine(
+    source: Path | Traversable, document: Document, model: MachineFile, construct: Construct
+) -> Machine:
     try:
         name = model.name or Path(source.name).stem
         machine = construct(model, name, source_folder("kinematics", source))
     except FileError as error:  # of a file that this one names
         geometry = document.data["geometry"]
         faults = [
-            document.fault(("geometry", fault.key if fault.key in geometry else "urdf"), error.describe(fault))
+            document.fault(
+                ("geometry", fault.key if fault.key in geometry else "urdf"), error.describe(fault)
+            )
             for fault in error.faults
         ]
         raise FileError(document.file, faults) from error
     except NotInstalled:  # which is no fault of the file
         raise
-    except MotionError as error:  # what only the whole machine shows, such as a home pose out of reach
-        raise FileError(document.file, [document.fault(_locate_fault(document.data, error), str(error))]) from error
+    except (
+        MotionError
+    ) as error:  # what only the whole machine shows, such as a home pose out of reach
+        raise FileError(
+            document.file, [document.fault(_locate_fault(document.data, error), str(error))]
+        ) from error
     for n, stated in enumerate(model.vibration):
         try:
             machine = machine.shape_along(stated.direction, stated.shaper)
@@ -162,12 +190,16 @@ def _make_machine(source: Path | Traversable, document: Document, model: Machine
 
 
 def _locate_fault(data: Mapping[str, Any], error: MotionError) -> Key:
-    """Where the file says what its machine refuses: the table that has the error's key, an axis' own one first."""
+    """Where the file says what its machine refuses: the table that has the error's key, an axis'
+    own one first.
+    """
     *of, name = getattr(error, "key", ()) or ("geometry",)
     own = [("axis", n) for n, table in enumerate(data.get("axis", ())) if table.get("name") in of]
     tables: list[tuple[Key, Any]] = [(place, data["axis"][place[1]]) for place in own]
     tables += [((key,), data.get(key)) for key in ("axes", "rotary", "geometry", "wiring")]
-    places = ((*place, name) for place, table in tables if isinstance(table, dict) and name in table)
+    places = (
+        (*place, name) for place, table in tables if isinstance(table, dict) and name in table
+    )
     return next(places, ("geometry",))
 
 
@@ -179,8 +211,9 @@ KINDS: dict[str, tuple[type[MachineFile], Construct, Sequence[str]]] = {
     "arm": (ArmFile, build_arm, ()),
     "equations": (EquationsFile, build_equations, ()),
 }
-"""Every kind of machine: the schema of its file, what makes the machine of a valid one, its name and folder, and the
-names of its axes where the kind says them."""
+"""Every kind of machine: the schema of its file, what makes the machine of a valid one, its name
+and folder, and the names of its axes where the kind says them.
+"""
 
 
 MachineSource = Machine | str | PathLike[str]
@@ -207,7 +240,9 @@ def load_machine(name_or_path: MachineSource) -> Machine:
     MotionError
         The name is unknown; the nearest and all known ones are told.
     """
-    if isinstance(name_or_path, Machine) or hasattr(name_or_path, "home_q"):  # what has its parts is as good
+    if isinstance(name_or_path, Machine) or hasattr(
+        name_or_path, "home_q"
+    ):  # what has its parts is as good
         return cast(Machine, name_or_path)
     return read_machine(find("kinematics", "machine", name_or_path))
 

@@ -1,8 +1,10 @@
-"""Machine files, written: the TOML from which `load_machine` makes the same machine, or one to start from.
+"""Machine files, written: the TOML from which `load_machine` makes the same machine, or one to
+start from.
 
-Numbers are written so that they are read back as the same floats; turns and directions come back to rounding, since
-they are held as matrices and unit vectors, and so do joints about a tool. What a key is called, what it means and in
-which unit its value is written, the schemas of the kinds say (`kinematics.kinds`).
+Numbers are written so that they are read back as the same floats; turns and directions come back to
+rounding, since they are held as matrices and unit vectors, and so do joints about a tool. What a
+key is called, what it means and in which unit its value is written, the schemas of the kinds say
+(`kinematics.kinds`).
 """
 
 import tomllib
@@ -33,7 +35,9 @@ from kinematics.machine.machine_file import KINDS, load_machine, read_machine
 from kinematics.machine.shaper import Shaper, ShaperSeries
 
 LENGTH_STEP = 1e-5
-"""Step of leg lengths in a file to start from, m: home, which may lie at an end of the travel, stays within them."""
+"""Step of leg lengths in a file to start from, m: home, which may lie at an end of the travel,
+stays within them.
+"""
 _SKIPPED_FIELDS = ("name", "kind", "card", "channel")
 
 
@@ -65,7 +69,8 @@ def machine_toml(machine: Machine, comment: str = "", *, complete: bool = False)
     Raises
     ------
     MotionError
-        Machine files cannot say it: an arm's URDF, unlimited travel of a slide, other axis names than the kind has.
+        Machine files cannot say it: an arm's URDF, unlimited travel of a slide, other axis names
+        than the kind has.
     """
     kind, schema, names = _file_of(machine)
     given = machine.load
@@ -74,16 +79,25 @@ def machine_toml(machine: Machine, comment: str = "", *, complete: bool = False)
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
     lines += ["schema = 1", f"kind = {quote(kind)}", *_lines(schema, gravity)]
     geometry = schema.geometry_of(machine, complete) or {}
-    table = next(each for each in schema.tables_of("geometry") if geometry.keys() <= each.model_fields.keys())
+    table = next(
+        each for each in schema.tables_of("geometry") if geometry.keys() <= each.model_fields.keys()
+    )
     lines += ["", "[geometry]", *_lines(table, geometry, rows=True)]
     lines += [*_axes(machine, kind, names, complete), *_load(machine.name, given)]
     return "\n".join(lines) + "\n"
 
 
 def _file_of(machine: Machine) -> tuple[str, type[MachineFile], Sequence[str]]:
-    """The kind of a machine, the schema of its files, and what its axes are called. Raises MotionError."""
+    """The kind of a machine, the schema of its files, and what its axes are called.
+
+    Raises MotionError.
+    """
     silent = MachineFile.geometry_of
-    written = {kind: (schema, names) for kind, (schema, _, names) in KINDS.items() if schema.geometry_of is not silent}
+    written = {
+        kind: (schema, names)
+        for kind, (schema, _, names) in KINDS.items()
+        if schema.geometry_of is not silent
+    }
     for base in type(machine).__mro__:
         if base.__name__.lower() in written:
             return base.__name__.lower(), *written[base.__name__.lower()]
@@ -104,7 +118,9 @@ def _load(machine: str, stated: Load) -> Iterator[str]:
         pushed = {"force": stated.wrench[:3], "moment": stated.wrench[3:]}
         yield from ("", "[platform]", *_lines(Carried, _body(stated.platform) | pushed))
     if len(stated.legs) > 1:
-        raise MotionError(f"machine {machine}: legs of different masses have no place in a machine file")
+        raise MotionError(
+            f"machine {machine}: legs of different masses have no place in a machine file"
+        )
     for leg in stated.legs:
         parts = {"barrel": _body(leg.barrel), "rod": _body(leg.rod), "first_axis": leg.first_axis}
         yield from ("", "[legs]", *_lines(LegsTable, parts))
@@ -128,7 +144,11 @@ def _axes(machine: Machine, kind: str, known: Sequence[str], complete: bool) -> 
             yield from ("", f"[{table}]", *_tables(machine.name, some, complete))
     wired = {axis.name: (axis.card, axis.channel) for axis in machine.axes if axis.card is not None}
     if wired:
-        yield from ("", "[wiring]", *(f"{name} = {format_value(None, place)}" for name, place in wired.items()))
+        yield from (
+            "",
+            "[wiring]",
+            *(f"{name} = {format_value(None, place)}" for name, place in wired.items()),
+        )
 
 
 def _tables(machine: str, axes: Sequence[Axis], complete: bool) -> Iterator[str]:
@@ -140,7 +160,12 @@ def _tables(machine: str, axes: Sequence[Axis], complete: bool) -> Iterator[str]
     for axis, entry in zip(axes, written, strict=True):
         own = {key: text for key, text in entry.items() if common.get(key) != text}
         if own:
-            yield from ("", "[[axis]]", f'name = "{axis.name}"', *(f"{key} = {text}" for key, text in own.items()))
+            yield from (
+                "",
+                "[[axis]]",
+                f'name = "{axis.name}"',
+                *(f"{key} = {text}" for key, text in own.items()),
+            )
 
 
 def _fields(machine: str, axis: Axis, complete: bool) -> Iterator[tuple[str, str]]:
@@ -168,7 +193,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, ShaperSeries):
         return tuple(map(_plain, value.parts))
     if isinstance(value, Shaper):
-        return {name: told for name, told in asdict(value).items() if name != "tolerance" or value.kind == "ei"}
+        return {
+            name: told
+            for name, told in asdict(value).items()
+            if name != "tolerance" or value.kind == "ei"
+        }
     return _timing(value) if isinstance(value, StepTiming) else value
 
 
@@ -197,14 +226,21 @@ def machine_starter(preset: str, name: str | None = None) -> str:
 
 def companions(preset: str) -> dict[str, bytes]:
     """Return the files that a machine file names, such as an arm's URDF: content by name."""
-    source, urdf = find("kinematics", "machine", preset), read_preset(preset)["geometry"].get("urdf")
+    source, urdf = (
+        find("kinematics", "machine", preset),
+        read_preset(preset)["geometry"].get("urdf"),
+    )
     return {} if urdf is None else {urdf: (source_folder("kinematics", source) / urdf).read_bytes()}
 
 
 def describe_source(preset: str) -> str:
     """Return what comments call a machine: its file, or the bundled machine of this name."""
     source = find("kinematics", "machine", preset)
-    return source.name if isinstance(source, Path) and source == Path(preset) else f'the bundled machine "{preset}"'
+    return (
+        source.name
+        if isinstance(source, Path) and source == Path(preset)
+        else f'the bundled machine "{preset}"'
+    )
 
 
 def read_preset(preset: str) -> dict[str, Any]:
@@ -213,16 +249,22 @@ def read_preset(preset: str) -> dict[str, Any]:
 
 
 def known_keys(kind: str) -> dict[str, list[Key]]:
-    """The keys of a kind's file, in their order: of its tables by name, and of "", what stands above them."""
+    """The keys of a kind's file, in their order: of its tables by name, and of "", what stands
+    above them.
+    """
     schema = KINDS[kind][0]
     *some, last = map(quote, KINDS)
     keys = {one.name: one for one in keys_of(schema)}
     kind_key = replace(keys["kind"], about=f"{', '.join(some)} or {last}")
     head = [keys[name] for name in ("schema", "name", "kind", "length", "gravity")]
     head[2] = kind_key
-    tables = {name: keys_of(*schema.tables_of(name)) for name in ("axes", "rotary", "platform", "legs")}
+    tables = {
+        name: keys_of(*schema.tables_of(name)) for name in ("axes", "rotary", "platform", "legs")
+    }
     geometry = keys_of(*schema.tables_of("geometry"), own_first=True)
-    return {"": head, "geometry": geometry} | {name: table for name, table in tables.items() if table}
+    return {"": head, "geometry": geometry} | {
+        name: table for name, table in tables.items() if table
+    }
 
 
 def _starter_tables(preset: str, data: dict[str, Any]) -> Iterator[str]:
@@ -248,9 +290,15 @@ def _starter_tables(preset: str, data: dict[str, Any]) -> Iterator[str]:
     if not data.get("axis"):
         own_table = "rotary" if machine.axes[0].kind == "rotary" and "rotary" in keys else "axes"
         faster = next(key for key in keys[own_table] if key.name == "max_speed")
-        yield from table_lines("[[axis]]", [name, replace(faster, about="value of this axis")], None, about["axis"])
-    yield from table_lines("[[vibration]]", keys_of(*schema.tables_of("vibration")), None, about["vibration"])
-    wired = [Key(axis, "motion card and channel", f'["PCI-8164", {n}]') for n, axis in enumerate(names)]
+        yield from table_lines(
+            "[[axis]]", [name, replace(faster, about="value of this axis")], None, about["axis"]
+        )
+    yield from table_lines(
+        "[[vibration]]", keys_of(*schema.tables_of("vibration")), None, about["vibration"]
+    )
+    wired = [
+        Key(axis, "motion card and channel", f'["PCI-8164", {n}]') for n, axis in enumerate(names)
+    ]
     yield from table_lines("[wiring]", wired, data.get("wiring"), about["wiring"])
     for table in ("platform", "legs"):
         if table in keys:
@@ -266,10 +314,16 @@ def leg_lengths(machine: Machine) -> list[str]:
 
 
 def _with_example(one: Key, points: Any) -> Key:
-    """A key that has no example shows the machine's own points: so where joints lie on circles, them one by one."""
+    """A key that has no example shows the machine's own points: so where joints lie on circles,
+    them one by one.
+    """
     return one if one.example or np.ndim(points) != 2 else replace(one, example=_rows(points))
 
 
 def _rows(points: Array) -> str:
     """As a comment of several lines, to a tenth of a nanometre."""
-    return "[" + "".join(f"\n#    {format_millimetres(np.round(point, 10) + 0.0)}," for point in points) + "\n#]"
+    return (
+        "["
+        + "".join(f"\n#    {format_millimetres(np.round(point, 10) + 0.0)}," for point in points)
+        + "\n#]"
+    )

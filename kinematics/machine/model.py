@@ -1,6 +1,7 @@
 """The maps of a machine: everything numeric that follows from its kind's one expression.
 
-Rates of functions of the pose along any motion, too. Axes and loads that do not fit the kind are refused.
+Rates of functions of the pose along any motion, too. Axes and loads that do not fit the kind are
+refused.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ if TYPE_CHECKING:
 
 
 class MovingPose:
-    """A pose that passes through pose numbers x (12) with a twist (6) and its rate (6) in the base frame.
+    """A pose that passes through pose numbers x (12) with a twist (6) and its rate (6) in the base
+    frame.
 
         p(t) = p + v t + v̇ t²/2,    R(t) = (1 + ω× t + (ω̇× + ω×ω×) t²/2) R
 
@@ -76,7 +78,9 @@ class MovingPose:
 
 
 def rates(machine: Kind, x: ca.SX, near: ca.SX, inputs: ca.SX) -> Expression:
-    """Inputs, twist (6), its rate (6) -> q̇ (n), q̈ (n), and twist and rate (6, 6) with what follows filled in."""
+    """Inputs, twist (6), its rate (6) -> q̇ (n), q̈ (n), and twist and rate (6, 6) with what
+    follows filled in.
+    """
     moving = MovingPose(x)
     q = machine.expression(moving.position, moving.rotation, near)
     position, rotation = machine.fill_pose(moving.position, moving.rotation, q)
@@ -94,14 +98,17 @@ def _skew_vector(m: ca.SX) -> ca.SX:
 
 
 BESIDE_HOME, LEAST_SHARE = 0.01, 1e-6
-"""In characteristic lengths, how far beside home it is looked which axes move the platform along a direction; and of an
-axis' whole motion of the platform, the share along it below which it does not."""
+"""In characteristic lengths, how far beside home it is looked which axes move the platform along a
+direction; and of an axis' whole motion of the platform, the share along it below which it does not.
+"""
 M = TypeVar("M", bound="MachineModel")
 T = TypeVar("T")
 
 
 def check_axes(of: Kind, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
-    """As many axes as there are freedoms, each of its sort, no two with the same name or the same driver."""
+    """As many axes as there are freedoms, each of its sort, no two with the same name or the same
+    driver.
+    """
     kind, count = type(of).__name__.lower(), len(of.freedom)
     rows: Any = given
     axes: tuple[Axis, ...] = tuple(rows) if fits(rows, Iterable[object]) else (rows,)
@@ -118,7 +125,9 @@ def check_axes(of: Kind, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
             told = f"axis {axis.name} is {axis.kind}; {add_article(kind)} has a {sort} one there"
             raise MotionError(f'machine {name}: {told}: give it kind="{sort}"')
     if len({axis.name for axis in axes}) < count:
-        raise MotionError(f"machine {name}: two axes have the same name; names tell the limits of one from another's")
+        raise MotionError(
+            f"machine {name}: two axes have the same name; names tell the limits of one from another's"
+        )
     wired = Counter((axis.card, axis.channel) for axis in axes if axis.card is not None)
     for (card, channel), times in wired.items():
         if times > 1:
@@ -136,14 +145,18 @@ def check_load(of: Kind, name: str, load: Load) -> Load:
     if load.legs and of.legs == 0:
         raise MotionError(f"machine {name} has no legs that could have masses")
     if len(load.legs) not in (0, 1, of.legs):
-        raise MotionError(f"machine {name}: {len(load.legs)} legs with masses; give one for all, or {of.legs}")
+        raise MotionError(
+            f"machine {name}: {len(load.legs)} legs with masses; give one for all, or {of.legs}"
+        )
     return load
 
 
 class MachineModel(Kind):
-    """A machine of n axes that carries a platform (or tool): its maps, without what is computed with them.
+    """A machine of n axes that carries a platform (or tool): its maps, without what is computed
+    with them.
 
-    Its kind states the inverse map once; all else here follows from that: see `kinematics.machine.kind`.
+    Its kind states the inverse map once; all else here follows from that: see
+    `kinematics.machine.kind`.
     """
 
     def __init__(
@@ -154,7 +167,9 @@ class MachineModel(Kind):
         near: ArrayLike | None = None,
         load: Load | None = None,
     ) -> None:
-        """near (n,): which of the home pose's coordinates are meant, where there are several (zeros by default)."""
+        """near (n,): which of the home pose's coordinates are meant, where there are several (zeros
+        by default).
+        """
         if not isinstance(name, str) or not name:
             raise MotionError(f"a machine needs a name, a text that is not empty, not {name!r}")
         self.home_numbers = freeze_array(read_numbers(name, "home", home))
@@ -171,7 +186,9 @@ class MachineModel(Kind):
 
     @cached_property
     def home(self) -> Pose:  # type: ignore[override]
-        """The pose from which travel and pulses count: made when it is first used, where it is not turned."""
+        """The pose from which travel and pulses count: made when it is first used, where it is not
+        turned.
+        """
         return make_pose(self.home_numbers[0, :3], np.zeros(3))
 
     @check_arguments()
@@ -183,7 +200,8 @@ class MachineModel(Kind):
         return other
 
     def driven_by(self, axes: Iterable[Axis]) -> Self:
-        """The same machine with other actuators: what each may do and how it counts; names, kinds and home stay.
+        """The same machine with other actuators: what each may do and how it counts; names, kinds
+        and home stay.
 
         Raises MotionError for axes that are not as many, or not called as the machine's own.
         """
@@ -198,17 +216,27 @@ class MachineModel(Kind):
         return other
 
     def shape_along(self, direction: ArrayLike, shaper: Shaper | ShaperSeries) -> Self:
-        """The same machine, with a shaper more on every axis that moves the platform's origin along a direction (3,).
+        """The same machine, with a shaper more on every axis that moves the platform's origin along
+        a direction (3,).
 
-        The direction is in the base frame. Home and poses beside it are looked at: a leg may stand across it at home.
-        An axis that has the very shaper already keeps it once: that cancels the vibration.
-        Raises MotionError where no axis does, for more shapers on one than it takes, and for what is no shaper.
+        The direction is in the base frame. Home and poses beside it are looked at: a leg may stand
+        across it at home. An axis that has the very shaper already keeps it once: that cancels the
+        vibration. Raises MotionError where no axis does, for more shapers on one than it takes, and
+        for what is no shaper.
         """
         from scipy.spatial.transform import RigidTransform, Rotation
 
-        along, free = unit_vectors(direction, f"machine {self.name}: direction", (3,)), columns(self)
+        along, free = (
+            unit_vectors(direction, f"machine {self.name}: direction", (3,)),
+            columns(self),
+        )
         lengths = np.where(free < 3, 1.0, self.characteristic_length)
-        aside = BESIDE_HOME * self.characteristic_length * np.cos(np.arange(1.0, 1 + len(free))) / lengths
+        aside = (
+            BESIDE_HOME
+            * self.characteristic_length
+            * np.cos(np.arange(1.0, 1 + len(free)))
+            / lengths
+        )
         share = np.zeros(len(self.axes))
         for sign in (0, 1, -1):
             moved = np.zeros(6)
@@ -252,13 +280,17 @@ class MachineModel(Kind):
         """The same -> J (n, 6) row by row, as in `jacobian`."""
         (x, near), twist = self._symbols(), ca.SX.sym("twist", 6)
         position, rotation = split_pose_symbols(x)
-        moved = self.expression(position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation, near)
+        moved = self.expression(
+            position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation, near
+        )
         jacobian = ca.substitute(ca.jacobian(moved, twist), twist, ca.SX.zeros(6))
         return Expression("jacobian", self._inputs(x, near), ca.vec(jacobian.T))
 
     @cached_property
     def controlled_map(self) -> Expression:
-        """Map the inputs of `inverse_map` to the square Jacobian (n, n), row by row, of controlled twists."""
+        """Map the inputs of `inverse_map` to the square Jacobian (n, n), row by row, of controlled
+        twists.
+        """
         x, near = self._symbols()
         rotation = split_pose_symbols(x)[1]
         inputs = self._inputs(x, near)
@@ -271,7 +303,9 @@ class MachineModel(Kind):
         """The same -> pose numbers (12) with what follows filled in."""
         x, near = self._symbols()
         return Expression(
-            "carried", self._inputs(x, near), column(*self.fill_pose(*split_pose_symbols(x), self.symbolic(x, near)))
+            "carried",
+            self._inputs(x, near),
+            column(*self.fill_pose(*split_pose_symbols(x), self.symbolic(x, near))),
         )
 
     @cached_property
@@ -282,13 +316,18 @@ class MachineModel(Kind):
 
     @property
     def parts(self) -> Skeleton:
-        """The skeleton at home: which bars and pivots there are. Not kept: CasADi's symbols go to no other process."""
+        """The skeleton at home: which bars and pivots there are.
+
+        Not kept: CasADi's symbols go to no other process.
+        """
         x, q = (ca.SX(ca.DM(values)) for values in (to_numbers(self.home)[0], self.home_q))
         return self.skeleton(*self.fill_pose(*split_pose_symbols(x), q), q)
 
     @cached_property
     def rates_map(self) -> Expression:
-        """The same, a twist (6) and its rate (6) -> q̇ (n), q̈ (n), and twist and rate (6, 6) of what is carried."""
+        """The same, a twist (6) and its rate (6) -> q̇ (n), q̈ (n), and twist and rate (6, 6) of
+        what is carried.
+        """
         x, near = self._symbols()
         return rates(self, x, near, self._inputs(x, near))
 
@@ -299,7 +338,9 @@ class MachineModel(Kind):
         return ca.vertcat(x, near) if self.branched else x
 
     def inputs(self, x: Array, near: Array) -> Array:
-        """What the maps take: pose numbers (N, 12), and near (n,) or (N, n) beside them where branched."""
+        """What the maps take: pose numbers (N, 12), and near (n,) or (N, n) beside them where
+        branched.
+        """
         if not self.branched:
             return x
         return np.concatenate([x, np.broadcast_to(near, (len(x), len(self.axes)))], 1)
@@ -331,11 +372,15 @@ class MachineModel(Kind):
         return q[0] if pose.single else q
 
     def read_pose(self, pose: PoseLike) -> Pose:
-        """A pose as it is, or of numbers in the base frame (`kinematics.machine.pose.read_pose`)."""
+        """A pose as it is, or of numbers in the base frame
+        (`kinematics.machine.pose.read_pose`).
+        """
         return read_pose(f"machine {self.name}: pose", pose)
 
     def locate_pose(self, pose: Pose, near: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Numbers (N, 12) and coordinates (N, n) of the poses that a caller gives; see `inverse` for what it raises."""
+        """Numbers (N, 12) and coordinates (N, n) of the poses that a caller gives; see `inverse`
+        for what it raises.
+        """
         x = check_pose(self.name, "pose", pose)
         return x, self.locate_numbers(x, near)
 
@@ -353,7 +398,11 @@ class MachineModel(Kind):
             lost = self._is_lost(q).any(1)
         if lost.any():
             first = int(np.argmax(lost))
-            axes = ", ".join(axis.name for axis, out in zip(self.axes, self._is_lost(q)[first], strict=True) if out)
+            axes = ", ".join(
+                axis.name
+                for axis, out in zip(self.axes, self._is_lost(q)[first], strict=True)
+                if out
+            )
             home = describe_pose(self.home_numbers, 0).removeprefix("the pose, ")
             told = f"no actuator coordinates reach {describe_pose(x, first)}: there is no position of {axes}"
             raise OutOfReach(f"machine {self.name}: {told}; bring it nearer to home, {home}")
@@ -382,7 +431,8 @@ class MachineModel(Kind):
         OutOfReach
             As `inverse`.
         MotionError
-            As `inverse`; and where coordinates have no finite rates: an arm stretched out, a leg of no length.
+            As `inverse`; and where coordinates have no finite rates: an arm stretched out, a leg of
+            no length.
         """
         pose = self.read_pose(pose)
         x, q = self.locate_pose(pose, near)
@@ -402,21 +452,30 @@ class MachineModel(Kind):
         return finite_array(near, f"machine {self.name}: near", (len(self.axes),))
 
     def start(self, q: Array, near: Array) -> Array:
-        """Pose numbers (N, 12) from which `forward` looks for coordinates q (N, n), asked from near (N, 12)."""
+        """Pose numbers (N, 12) from which `forward` looks for coordinates q (N, n), asked from near
+        (N, 12).
+        """
         return near
 
     @cached_property
     def skeleton_map(self) -> Expression:
-        """x (12), q (n) -> all points of the skeleton, bars first, one after the other: see `place_skeleton`."""
+        """x (12), q (n) -> all points of the skeleton, bars first, one after the other: see
+        `place_skeleton`.
+        """
         x, q = ca.SX.sym("x", 12), ca.SX.sym("q", len(self.axes))
         parts = self.skeleton(*self.fill_pose(*split_pose_symbols(x), q), q)
-        points = [end for bar in parts.bars for end in (bar.start, bar.end)] + [pivot.at for pivot in parts.pivots]
-        return Expression("skeleton", ca.vertcat(x, q), ca.vertcat(*points) if points else ca.SX(0, 1))
+        points = [end for bar in parts.bars for end in (bar.start, bar.end)] + [
+            pivot.at for pivot in parts.pivots
+        ]
+        return Expression(
+            "skeleton", ca.vertcat(x, q), ca.vertcat(*points) if points else ca.SX(0, 1)
+        )
 
     def derive(self: M, build: Callable[[M], T], *, of_load: bool = False) -> T:
         """What a function makes of this machine, made once.
 
-        of_load: it depends on what the machine carries and on its actuators, so that copies with others make it anew.
+        of_load: it depends on what the machine carries and on its actuators, so that copies with
+        others make it anew.
         """
         made = self._of_load if of_load else self._derived
         if build not in made:
@@ -426,19 +485,27 @@ class MachineModel(Kind):
 
 
 def square_jacobian(machine: MachineModel, x: Array, near: Array) -> Array:
-    """(N, n, n) of pose numbers x (N, 12): ∂q by the twists that the machine controls (`controlled_twists`)."""
+    """(N, n, n) of pose numbers x (N, 12): ∂q by the twists that the machine controls
+    (`controlled_twists`).
+    """
     entries = machine.controlled_map(machine.inputs(x, near))
     return entries.reshape(len(x), len(machine.axes), len(machine.axes))
 
 
 def scaled_jacobian(machine: MachineModel, x: Array, near: Array) -> Array:
-    """(N, n, n) the same with every column in axis units per metre: turns count at the characteristic length."""
+    """(N, n, n) the same with every column in axis units per metre: turns count at the
+    characteristic length.
+    """
     scale = np.where(columns(machine) < 3, 1.0, 1.0 / machine.characteristic_length)
     return square_jacobian(machine, x, near) * scale
 
 
 def place_skeleton(machine: MachineModel, x: Array, q: Array) -> PlacedSkeleton:
-    """A machine's skeleton at pose numbers x (N, 12) and the coordinates q (N, n) that belong to them."""
+    """A machine's skeleton at pose numbers x (N, 12) and the coordinates q (N, n) that belong to
+    them.
+    """
     points = machine.skeleton_map(np.concatenate([x, q], 1)).reshape(len(x), -1, 3)
     ends = 2 * len(machine.parts.bars)
-    return PlacedSkeleton(freeze_array(points[:, :ends].reshape(len(x), -1, 2, 3)), freeze_array(points[:, ends:]))
+    return PlacedSkeleton(
+        freeze_array(points[:, :ends].reshape(len(x), -1, 2, 3)), freeze_array(points[:, ends:])
+    )

@@ -17,7 +17,8 @@ from kinematics.machine.pose import to_numbers
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
 
-# Condition of the Jacobian (turns at the characteristic length) above which coordinates no longer tell the motion.
+# Condition of the Jacobian (turns at the characteristic length) above which coordinates no longer
+# tell the motion.
 MAX_CONDITION = 1e10
 
 
@@ -41,9 +42,11 @@ class AxesAndPose(AxesState, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Poses of the platform at N instants, following coordinates included, and axis coordinates q, q̇, q̈ (N, n).
+    """Poses of the platform at N instants, following coordinates included, and axis coordinates q,
+    q̇, q̈ (N, n).
 
-    twist         (N, 6) velocity of the platform's origin (m/s) and angular velocity (rad/s), in the base frame
+    twist         (N, 6) velocity of the platform's origin (m/s) and angular velocity (rad/s), in
+                  the base frame
     acceleration  (N, 6) their rates
     """
 
@@ -63,13 +66,18 @@ class Motion:
 
 
 def controlled_jacobian(machine: MachineModel, x: Array, q: Array) -> Array:
-    """(N, n, n) the Jacobian's columns of what the machine controls. Raises MotionError at a singular pose."""
+    """(N, n, n) the Jacobian's columns of what the machine controls.
+
+    Raises MotionError at a singular pose.
+    """
     jacobian = square_jacobian(machine, x, q)
     broken = is_singular(machine, jacobian)
     if broken.any():
         first = int(np.argmax(broken))
         lost = describe_singularity(machine, scaled_jacobian(machine, x[[first]], q[[first]])[0])
-        raise MotionError(f"machine {machine.name} is singular at {describe_pose(x, first)}: {lost}; keep away from it")
+        raise MotionError(
+            f"machine {machine.name} is singular at {describe_pose(x, first)}: {lost}; keep away from it"
+        )
     return jacobian
 
 
@@ -85,12 +93,18 @@ def is_singular(machine: MachineModel, jacobian: Array) -> np.ndarray:
 def describe_singularity(machine: MachineModel, jacobian: Array) -> str:
     """What is lost in a pose of scaled Jacobian (n, n) that is singular, or nearly.
 
-    J = ∂q/∂x. Where σ_min → 0, a motion of the platform moves no axis; where σ_max → ∞, some motion of the tool is
-    beyond the axes. Both are measured against home. Source: Gosselin, Angeles, IEEE Trans. Robotics 6 (1990) 281-290.
+    J = ∂q/∂x. Where σ_min → 0, a motion of the platform moves no axis; where σ_max → ∞, some motion
+    of the tool is beyond the axes. Both are measured against home. Source: Gosselin, Angeles, IEEE
+    Trans. Robotics 6 (1990) 281-290.
     """
     home, here = (
-        np.linalg.svd(each, compute_uv=False) if np.isfinite(each).all() else np.array([np.inf, 0.0])
-        for each in (scaled_jacobian(machine, to_numbers(machine.home), machine.home_q[None])[0], jacobian)
+        np.linalg.svd(each, compute_uv=False)
+        if np.isfinite(each).all()
+        else np.array([np.inf, 0.0])
+        for each in (
+            scaled_jacobian(machine, to_numbers(machine.home), machine.home_q[None])[0],
+            jacobian,
+        )
     )
     with np.errstate(divide="ignore"):
         cannot_move = here[0] / home[0] > home[-1] / here[-1] or not np.isfinite(here[0])

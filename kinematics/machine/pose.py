@@ -1,7 +1,7 @@
 """Poses: SciPy's rigid transforms outside, twelve plain numbers inside compiled code.
 
-The twelve numbers are the position (3) and the rotation matrix row by row (9), of the platform's frame in the base
-frame.
+The twelve numbers are the position (3) and the rotation matrix row by row (9), of the platform's
+frame in the base frame.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> Any:
-        """Pose, when it is first asked for: SciPy's rotations take longer to load than a machine's file to be read."""
+        """Pose, when it is first asked for: SciPy's rotations take longer to load than a machine's
+        file to be read.
+        """
         if name == "Pose":
             from scipy.spatial.transform import RigidTransform
 
@@ -35,7 +37,8 @@ else:
 PoseLike: TypeAlias = "Pose | ArrayLike"
 """A pose, or the numbers of one or of many: see `read_pose`."""
 
-# How far R Rᵀ may be from the identity, entry by entry: far above rounding, far below what a measurement sees.
+# How far R Rᵀ may be from the identity, entry by entry: far above rounding, far below what a
+# measurement sees.
 ROTATION_TOLERANCE = 1e-9
 
 # Numbers of a pose that is neither moved nor turned.
@@ -46,7 +49,9 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def make_pose(position: Array | Sequence[float], angles: Array | Sequence[float]) -> Pose:
-    """The pose at a position (…, 3) m, turned by θx, θy, θz (…, 3) rad about the moving axes in turn."""
+    """The pose at a position (…, 3) m, turned by θx, θy, θz (…, 3) rad about the moving axes in
+    turn.
+    """
     from scipy.spatial.transform import RigidTransform, Rotation
 
     return RigidTransform.from_components(position, Rotation.from_euler("XYZ", angles))
@@ -60,17 +65,23 @@ def join_pose(position: Array, rotation: Rotation) -> Pose:
 
 
 def read_pose(what: str, given: object) -> Pose:
-    """A pose as it is, or made of numbers: x, y, z (m), or these and θx, θy, θz (rad), one row a pose.
+    """A pose as it is, or made of numbers: x, y, z (m), or these and θx, θy, θz (rad), one row a
+    pose.
 
-    Angles are about the moving axes in turn, Rx · Ry · Rz, as in files; three numbers are not turned. Raises
-    MotionError for anything else.
+    Angles are about the moving axes in turn, Rx · Ry · Rz, as in files; three numbers are not
+    turned. Raises MotionError for anything else.
     """
     from scipy.spatial.transform import RigidTransform
 
     if isinstance(given, RigidTransform):
         return given
     numbers = numeric_array(given)
-    if numbers is None or numbers.ndim not in (1, 2) or numbers.shape[-1] not in (3, 6) or not numbers.size:
+    if (
+        numbers is None
+        or numbers.ndim not in (1, 2)
+        or numbers.shape[-1] not in (3, 6)
+        or not numbers.size
+    ):
         raise MotionError(
             f"{what} must be a pose: a scipy RigidTransform, or numbers x, y, z (m), or these and θx, θy, θz (rad), "
             f"not {given!r:.80}"
@@ -82,9 +93,11 @@ def read_pose(what: str, given: object) -> Pose:
 
 
 def read_position(given: object) -> Array | None:
-    """Return the position (3,) that the numbers of a pose which is not turned state; None for all else.
+    """Return the position (3,) that the numbers of a pose which is not turned state; None for all
+    else.
 
-    Most machines have such a home: they are made without SciPy's rotations, which take longer to load than all else.
+    Most machines have such a home: they are made without SciPy's rotations, which take longer to
+    load than all else.
     """
     numbers = numeric_array(given) if isinstance(given, (tuple, list, np.ndarray)) else None
     if numbers is None or numbers.shape not in ((3,), (6,)):
@@ -95,7 +108,8 @@ def read_position(given: object) -> Array | None:
 
 
 def read_rotation(what: str, given: object, *shape: int) -> Rotation:
-    """A rotation as it is, or made of θx, θy, θz (…, 3) rad about the moving axes in turn; shape: of how many.
+    """A rotation as it is, or made of θx, θy, θz (…, 3) rad about the moving axes in turn; shape:
+    of how many.
 
     Raises MotionError for anything else.
     """
@@ -116,11 +130,14 @@ def read_rotation(what: str, given: object, *shape: int) -> Rotation:
 def check_pose(machine: str, what: str, pose: Pose, *, single: bool = False) -> Array:
     """(N, 12) numbers of the poses that a caller gives to a machine.
 
-    Raises MotionError for what is not a single pose where one is wanted, and for rotations that are none: scaled, as
-    from a quaternion that was not normalised, or mirrored; OutOfReach for a pose that is not finite.
+    Raises MotionError for what is not a single pose where one is wanted, and for rotations that are
+    none: scaled, as from a quaternion that was not normalised, or mirrored; OutOfReach for a pose
+    that is not finite.
     """
     if single and not pose.single:
-        raise MotionError(f"machine {machine}: {what} must be one pose, not {len(pose)}; index the one that is meant")
+        raise MotionError(
+            f"machine {machine}: {what} must be one pose, not {len(pose)}; index the one that is meant"
+        )
     x = to_numbers(pose)
     rows = x[:, 3:].reshape(-1, 3, 3)
     with np.errstate(invalid="ignore"):  # what is not finite
@@ -130,16 +147,25 @@ def check_pose(machine: str, what: str, pose: Pose, *, single: bool = False) -> 
         k = int(np.argmax(wrong))
         where = f"machine {machine}: {what}" if single else f"machine {machine}: {what} {k}"
         if not np.isfinite(x[k]).all():
-            raise OutOfReach(f"{where} must be finite; its position is {x[k, :3]} m, its rotation {rows[k].tolist()}")
+            raise OutOfReach(
+                f"{where} must be finite; its position is {x[k, :3]} m, its rotation {rows[k].tolist()}"
+            )
         fault = (
-            f"R Rᵀ is {off[k]:.3g} off the identity" if off[k] >= ROTATION_TOLERANCE else "it is mirrored, det R < 0"
+            f"R Rᵀ is {off[k]:.3g} off the identity"
+            if off[k] >= ROTATION_TOLERANCE
+            else "it is mirrored, det R < 0"
         )
-        raise MotionError(f"{where} has a rotation that is none: {fault}; normalise its quaternion or matrix")
+        raise MotionError(
+            f"{where} has a rotation that is none: {fault}; normalise its quaternion or matrix"
+        )
     return x
 
 
 def to_numbers(pose: Pose) -> Array:
-    """(N, 12) position and rotation rows of N poses (N = 1 for a single one). Raises MotionError for no pose."""
+    """(N, 12) position and rotation rows of N poses (N = 1 for a single one).
+
+    Raises MotionError for no pose.
+    """
     from scipy.spatial.transform import RigidTransform
 
     if not isinstance(pose, RigidTransform):
@@ -185,28 +211,43 @@ def rotate_about(rotation: ca.SX, axis: ca.SX, angle: ca.SX) -> ca.SX:
 
 
 STRAIGHT_SIZE = 3 + 3 + 9 + 3 + 1
-"""How many numbers describe a straight motion: start, direction, start rotation (rows), turning axis, rate."""
+"""How many numbers describe a straight motion: start, direction, start rotation (rows), turning
+axis, rate.
+"""
 
 
 def straight_pose(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Pose at s of p = p0 + d s, R = R0 exp(s · rate · axis×): the straight motion, turning steadily."""
+    """Pose at s of p = p0 + d s, R = R0 exp(s · rate · axis×): the straight motion, turning
+    steadily.
+    """
     p0, direction, r0, axis, rate = ca.vertsplit(parameters, [0, 3, 6, 15, 18, 19])
     return p0 + direction * s, rotate_about(ca.reshape(r0, 3, 3).T, axis, rate * s)
 
 
 def straight_parameters(start: Pose, end: Pose, length: Array | float) -> Array:
-    """Parameters (N, 19) of the straight motions from start to end over s in [0, length], the shorter way round."""
+    """Parameters (N, 19) of the straight motions from start to end over s in [0, length], the
+    shorter way round.
+    """
     p0, p1 = np.atleast_2d(start.translation), np.atleast_2d(end.translation)
     axis, angle = axis_angle(start.rotation, end.rotation)
     length = np.broadcast_to(np.asarray(length, float), len(angle))
     first = np.broadcast_to(to_numbers(start)[:, 3:], (len(angle), 9))
     return np.concatenate(
-        [np.broadcast_to(p0, p1.shape), (p1 - p0) / length[:, None], first, axis, (angle / length)[:, None]], 1
+        [
+            np.broadcast_to(p0, p1.shape),
+            (p1 - p0) / length[:, None],
+            first,
+            axis,
+            (angle / length)[:, None],
+        ],
+        1,
     )
 
 
 def straight_numbers(start: Array, end: Array) -> Array:
-    """Return the parameters (N, 19) over s in [0, 1] for pose numbers (12) or (N, 12) of both ends."""
+    """Return the parameters (N, 19) over s in [0, 1] for pose numbers (12) or (N, 12) of both
+    ends.
+    """
     start, end = np.broadcast_arrays(*np.atleast_2d(start, end))
     first, last = (x[:, 3:].reshape(-1, 3, 3) for x in (start, end))
     vector = find_vectors(first.swapaxes(1, 2) @ last)
@@ -216,7 +257,11 @@ def straight_numbers(start: Array, end: Array) -> Array:
 
 
 def axis_angle(start: Rotation, end: Rotation) -> tuple[Array, Array]:
-    """Unit axis (N, 3) in the moving frame and angle (N,) ≤ π of the shortest turn; +z where there is none."""
+    """Unit axis (N, 3) in the moving frame and angle (N,) ≤ π of the shortest turn; +z where there
+    is none.
+    """
     vector = np.atleast_2d((start.inv() * end).as_rotvec())
     angle = np.linalg.norm(vector, axis=1)
-    return np.where(angle[:, None] > 0, vector / np.where(angle > 0, angle, 1.0)[:, None], [0.0, 0.0, 1.0]), angle
+    return np.where(
+        angle[:, None] > 0, vector / np.where(angle > 0, angle, 1.0)[:, None], [0.0, 0.0, 1.0]
+    ), angle

@@ -1,20 +1,27 @@
-"""Input shapers: the impulses that a command is convolved with so that a vibration of the load cancels itself.
+"""Input shapers: the impulses that a command is convolved with so that a vibration of the load
+cancels itself.
 
-q_s(t) = Σ Aᵢ q(t − tᵢ) with Aᵢ > 0 and Σ Aᵢ = 1. A mode of frequency f and damping ζ that is driven by q_s is left with
+q_s(t) = Σ Aᵢ q(t − tᵢ) with Aᵢ > 0 and Σ Aᵢ = 1. A mode of frequency f and damping ζ that is driven
+by q_s is left with
 
     V(f, ζ) = e^(−ζ ω tₙ) √(C² + S²),   C + i S = Σ Aᵢ e^(ζ ω tᵢ) e^(i ω √(1 − ζ²) tᵢ),   ω = 2π f
 
-times the amplitude of an impulse that is not shaped [Singer and Seering 1990]. With K = e^(−ζ π/√(1 − ζ²)) and the
-damped period T = 1/(f √(1 − ζ²)), the impulses are (`IMPULSES`):
+times the amplitude of an impulse that is not shaped [Singer and Seering 1990]. With K = e^(−ζ π/√(1
+− ζ²)) and the damped period T = 1/(f √(1 − ζ²)), the impulses are (`IMPULSES`):
 
-    zv    1, K                                     at 0, T/2          V = 0 at f           [Singer and Seering 1990]
-    zvd   1, 2 K, K²                               at 0, T/2, T       V and ∂V/∂f = 0 at f [Singer and Seering 1990]
-    mzv   1 − 1/√2, (√2 − 1) k, (1 − 1/√2) k²      at 0, 3T/8, 3T/4   V = 0 at f, k = K^(3/4), as Klipper defines it
-    ei    (1 + V)/4, (1 − V) K/2, (1 + V) K²/4     at 0, T/2, T       V ≤ the tolerance about f [Singhose et al. 1994],
-                                                   whose undamped impulses are damped here as those of zvd are
+    zv    1, K                                     at 0, T/2          V = 0 at f           [Singer
+          and Seering 1990]
+    zvd   1, 2 K, K²                               at 0, T/2, T       V and ∂V/∂f = 0 at f [Singer
+          and Seering 1990]
+    mzv   1 − 1/√2, (√2 − 1) k, (1 − 1/√2) k²      at 0, 3T/8, 3T/4   V = 0 at f, k = K^(3/4), as
+          Klipper defines it
+    ei    (1 + V)/4, (1 − V) K/2, (1 + V) K²/4     at 0, T/2, T       V ≤ the tolerance about f
+          [Singhose et al. 1994],
+                                                   whose undamped impulses are damped here as those
+                                                   of zvd are
 
-Against several vibrations a command is convolved with a shaper for each, in turn: amplitudes multiply, times add, and V
-of the whole is the product of theirs, so that each keeps its zero.
+Against several vibrations a command is convolved with a shaper for each, in turn: amplitudes
+multiply, times add, and V of the whole is the product of theirs, so that each keeps its zero.
 """
 
 from collections.abc import Callable, Sequence
@@ -64,14 +71,17 @@ IMPULSES: dict[ShaperKind, Callable[[float, float], tuple[list[float], list[floa
     "mzv": _mzv,
     "ei": _ei,
 }
-"""By kind: K and the tolerance -> amplitudes, whose sum is not 1 yet, and times in damped periods."""
+"""By kind: K and the tolerance -> amplitudes, whose sum is not 1 yet, and times in damped
+periods.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Shaper:
     """A shaper of an axis, for a mode of a frequency (Hz) and a damping ratio.
 
-    tolerance  of "ei": the share of the unshaped vibration that is left at the frequency itself, undamped
+    tolerance  of "ei": the share of the unshaped vibration that is left at the frequency itself,
+               undamped
     Raises MotionError for a kind that is none, and numbers out of range.
     """
 
@@ -90,7 +100,11 @@ class Shaper:
             ("damping", 0.0, MOST_DAMPING, ""),
             ("tolerance", 0.0, MOST_TOLERANCE, ""),
         ):
-            value = float(finite_array(getattr(self, name), f"shaper {self.kind}: {name}", (), unit=unit.strip()))
+            value = float(
+                finite_array(
+                    getattr(self, name), f"shaper {self.kind}: {name}", (), unit=unit.strip()
+                )
+            )
             if not least <= value <= most:
                 raise MotionError(
                     f"shaper {self.kind}: {name} {value:g}{unit} must be from {least:g} to {most:g}{unit}"
@@ -106,9 +120,12 @@ class Shaper:
         """Amplitudes (n,), whose sum is 1, and times (n,) s from 0."""
         root = sqrt(1 - self.damping**2)
         amplitudes, times = (
-            np.array(each) for each in IMPULSES[self.kind](exp(-self.damping * pi / root), self.tolerance)
+            np.array(each)
+            for each in IMPULSES[self.kind](exp(-self.damping * pi / root), self.tolerance)
         )
-        return freeze_array(amplitudes / amplitudes.sum()), freeze_array(times / (self.frequency * root))
+        return freeze_array(amplitudes / amplitudes.sum()), freeze_array(
+            times / (self.frequency * root)
+        )
 
     @property
     def parts(self) -> "tuple[Shaper, ...]":
@@ -130,7 +147,9 @@ class Shaper:
         return float(exp(-damping * omega * times[-1]) * left)
 
     def __str__(self) -> str:
-        return f"{self.kind} {self.frequency:g} Hz" + (f", damping {self.damping:g}" if self.damping else "")
+        return f"{self.kind} {self.frequency:g} Hz" + (
+            f", damping {self.damping:g}" if self.damping else ""
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +166,9 @@ class ShaperSeries:
         given: object = self.parts
         parts = tuple(given) if isinstance(given, list | tuple) else ()
         if len(parts) < 2 or not all(isinstance(part, Shaper) for part in parts):
-            raise MotionError(f"shapers one after the other must be two or more of Shaper, not {given!r:.100}")
+            raise MotionError(
+                f"shapers one after the other must be two or more of Shaper, not {given!r:.100}"
+            )
         object.__setattr__(self, "parts", tuple(sorted(parts, key=astuple)))
         count = prod(len(part.impulses[1]) for part in self.parts)
         if count > MOST_IMPULSES:
@@ -158,7 +179,9 @@ class ShaperSeries:
 
     @property
     def impulses(self) -> tuple[Array, Array]:
-        """Amplitudes (n,), whose sum is 1, and times (n,) s from 0: the convolution of those of its parts."""
+        """Amplitudes (n,), whose sum is 1, and times (n,) s from 0: the convolution of those of its
+        parts.
+        """
         amplitudes, times = reduce(_convolve, (part.impulses for part in self.parts))
         return freeze_array(amplitudes), freeze_array(times)
 

@@ -1,7 +1,8 @@
-"""Baseline timings: what a classical profile would take for the same program, beside which every saving is quoted.
+"""Baseline timings: what a classical profile would take for the same program, beside which every
+saving is quoted.
 
-Along the path it is one profile of speed per run, the quickest of its kind, scaled until certified. What it does
-otherwise than a plan is said with it, so that like is compared with like.
+Along the path it is one profile of speed per run, the quickest of its kind, scaled until certified.
+What it does otherwise than a plan is said with it, so that like is compared with like.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +21,13 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
-from planner.baselines.moves import Deviation, deviation, independent_ramps, synchronised_ramps, time_moves
+from planner.baselines.moves import (
+    Deviation,
+    deviation,
+    independent_ramps,
+    synchronised_ramps,
+    time_moves,
+)
 from planner.baselines.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID, Shapes
 from planner.certificate.certify import CROSSING, Certificate, certify
 from planner.limits import OwnLimit, limits_of
@@ -46,7 +53,9 @@ from planner.trajectory import Trajectory
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A program on a machine as it stands before it is timed: its path in the actuators, and the limits along it."""
+    """A program on a machine as it stands before it is timed: its path in the actuators, and the
+    limits along it.
+    """
 
     program: Program
     machine: Machine
@@ -56,27 +65,39 @@ class Course:
 
 
 def course(program: Program, machine: Machine, order: int) -> Course:
-    """Of a program in which nothing is left open. Raises MotionError for a path that cannot be drawn."""
+    """Of a program in which nothing is left open.
+
+    Raises MotionError for a path that cannot be drawn.
+    """
     path = actuate(program, machine)
     return Course(program, machine, path, limits_of(path, machine.axes, order))
 
 
-# Intervals of a run at least, and for each radian that it turns, at which the limits' rows are looked up.
+# Intervals of a run at least, and for each radian that it turns, at which the limits' rows are
+# looked up.
 MIN_INTERVALS, PER_RADIAN = 500, 100
-# Intervals at which the rows of a line are looked up, which may be constant; and how much the lengths of its ramps may
-# differ as shares of themselves: rounding.
+# Intervals at which the rows of a line are looked up, which may be constant; and how much the
+# lengths of its ramps may differ as shares of themselves: rounding.
 STRAIGHT_INTERVALS, EVEN_RAMPS = 16, 1e-6
-# Values of each parameter tried at first, by how many parameters there are; then directions tried around the best, the
-# share of the step that is left where none of them is better, and the step at which the search ends.
-GRID_VALUES, SEARCH_DIRECTIONS, STEP_SHRINK, MIN_SEARCH_STEP = {1: 32, 2: 12}, {1: 2, 2: 8}, 0.6, 3e-4
-# By how much the directions turn after each look: a valley with a kink in it is never missed for long.
+# Values of each parameter tried at first, by how many parameters there are; then directions tried
+# around the best, the share of the step that is left where none of them is better, and the step at
+# which the search ends.
+GRID_VALUES, SEARCH_DIRECTIONS, STEP_SHRINK, MIN_SEARCH_STEP = (
+    {1: 32, 2: 12},
+    {1: 2, 2: 8},
+    0.6,
+    3e-4,
+)
+# By how much the directions turn after each look: a valley with a kink in it is never missed for
+# long.
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 # Instants of a piece of a profile, and more for the share of the way that it makes.
 PIECE_INSTANTS, INSTANTS_PER_SHARE = 8, 400
-# By how much the first motion is too fast: a quantity's use goes with a power of time, so the proof of a motion that
-# breaks a limit tells exactly by how much to slow it.
+# By how much the first motion is too fast: a quantity's use goes with a power of time, so the proof
+# of a motion that breaks a limit tells exactly by how much to slow it.
 SPEED_EXCESS, SLOWING_MARGIN = 1e-2, 1e-6
-# Where a limit has terms of several powers of time it tells that only nearly: a finer grid, and less haste.
+# Where a limit has terms of several powers of time it tells that only nearly: a finer grid, and
+# less haste.
 GRID_REFINEMENT, FINE_SPEED_EXCESS = 6, 1e-4
 BISECTIONS_OF_SPEED = 50
 
@@ -90,17 +111,26 @@ class ClassicalFamily:
 
     def solve(self, task: Task) -> RunSolution:
         path, limits, run = task.path, task.limits, task.run
-        if self.shapes in (TRAPEZOID, S_CURVE) and (exact := _find_straight(path, limits, run)) is not None:
+        if (
+            self.shapes in (TRAPEZOID, S_CURVE)
+            and (exact := _find_straight(path, limits, run)) is not None
+        ):
             return RunSolution("solved", exact, maker=self.shapes.name)
         intervals = max(MIN_INTERVALS, int(PER_RADIAN * path.turns[run.first : run.last + 1].sum()))
         problem = pose_problem(path, limits, *make_grid(path, run, intervals))
         rows = _Rows(problem)
         if rows.mixed:
-            rows = _Rows(pose_problem(path, limits, *make_grid(path, run, GRID_REFINEMENT * intervals)))
+            rows = _Rows(
+                pose_problem(path, limits, *make_grid(path, run, GRID_REFINEMENT * intervals))
+            )
         unit = self.shapes.draw(*_find_quickest(self.shapes, rows))
         breaks = path.breaks[run.first : run.last + 2]
-        duration = (1 - (FINE_SPEED_EXCESS if rows.mixed else SPEED_EXCESS)) * rows.required_duration(unit)
-        return RunSolution("solved", unit.stretch(breaks, run.first, duration), maker=self.shapes.name)
+        duration = (
+            1 - (FINE_SPEED_EXCESS if rows.mixed else SPEED_EXCESS)
+        ) * rows.required_duration(unit)
+        return RunSolution(
+            "solved", unit.stretch(breaks, run.first, duration), maker=self.shapes.name
+        )
 
     def tighten(self, task: Task, solution: RunSolution, use: Mapping[str, Array]) -> RunSolution:
         """The same shape, slower: only time scales it."""
@@ -109,9 +139,11 @@ class ClassicalFamily:
 
 
 def _find_straight(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Profile | None:
-    """Return the quickest trapezoid or s-curve in closed form; None where the run is not straight in the actuators.
+    """Return the quickest trapezoid or s-curve in closed form; None where the run is not straight
+    in the actuators.
 
-    Where limits differ by direction the closed form has ramps of different lengths, which no profile of a family has.
+    Where limits differ by direction the closed form has ramps of different lengths, which no
+    profile of a family has.
     """
     if path.turns[run.first : run.last + 1].any():
         return None
@@ -119,13 +151,17 @@ def _find_straight(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Pro
     if solution is None or not solution.solved:
         return None
     lengths = solution.profile.h
-    return solution.profile if np.allclose(lengths, lengths[::-1], rtol=EVEN_RAMPS, atol=0.0) else None
+    return (
+        solution.profile if np.allclose(lengths, lengths[::-1], rtol=EVEN_RAMPS, atol=0.0) else None
+    )
 
 
 def _find_quickest(shapes: Shapes, rows: "_Rows") -> tuple[float, ...]:
-    """The parameters of the profile that takes the least time: the best of a grid, then whatever is better around it.
+    """The parameters of the profile that takes the least time: the best of a grid, then whatever is
+    better around it.
 
-    On logarithmic scales. The time is the largest of several, so it has kinks, and no slope is relied on.
+    On logarithmic scales. The time is the largest of several, so it has kinks, and no slope is
+    relied on.
     """
     low, high = np.log(shapes.spans).T
 
@@ -139,8 +175,15 @@ def _find_quickest(shapes: Shapes, rows: "_Rows") -> tuple[float, ...]:
             best, least = point, duration
     step, turned = float(axes[0][1] - axes[0][0]), 0.0
     while step > MIN_SEARCH_STEP:
-        angles = turned + 2 * np.pi * np.arange(SEARCH_DIRECTIONS[len(low)]) / SEARCH_DIRECTIONS[len(low)]
-        ways = np.stack([np.cos(angles), np.sin(angles)], 1) if len(low) == 2 else np.array([[1.0], [-1.0]])
+        angles = (
+            turned
+            + 2 * np.pi * np.arange(SEARCH_DIRECTIONS[len(low)]) / SEARCH_DIRECTIONS[len(low)]
+        )
+        ways = (
+            np.stack([np.cos(angles), np.sin(angles)], 1)
+            if len(low) == 2
+            else np.array([[1.0], [-1.0]])
+        )
         around = [np.clip(best + step * way, low, high) for way in ways]
         times = [time(point, least) for point in around]
         if min(times) < least:
@@ -152,13 +195,21 @@ def _find_quickest(shapes: Shapes, rows: "_Rows") -> tuple[float, ...]:
 
 
 class _Rows:
-    """A problem's rows, as they ask for time: each of one power of it, and the blocks whose terms have several."""
+    """A problem's rows, as they ask for time: each of one power of it, and the blocks whose terms
+    have several.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self.s = problem.s
         powers = [{term.per_time for term in block.start} for block in problem.blocks]
-        self.mixed = [block for block, own in zip(problem.blocks, powers, strict=True) if len(own) > 1]
-        single = [(block, own.pop()) for block, own in zip(problem.blocks, powers, strict=True) if len(own) == 1]
+        self.mixed = [
+            block for block, own in zip(problem.blocks, powers, strict=True) if len(own) > 1
+        ]
+        single = [
+            (block, own.pop())
+            for block, own in zip(problem.blocks, powers, strict=True)
+            if len(own) == 1
+        ]
         # what acts at rest asks for no time
         timed = [(block, power) for block, power in single if power]
         rows = [len(block.middle) for block, _ in timed]
@@ -172,15 +223,19 @@ class _Rows:
         self._power = np.repeat([power for _, power in timed], rows).astype(np.int64)
 
     def required_duration(self, unit: Profile, most: float = np.inf) -> float:
-        """s that a unit profile must take over a run so that every row is kept, as nearly as the grid shows it.
+        """s that a unit profile must take over a run so that every row is kept, as nearly as the
+        grid shows it.
 
-        Of a profile that must take longer than `most`, some time above that: it is not looked at to its end.
+        Of a profile that must take longer than `most`, some time above that: it is not looked at to
+        its end.
         """
         ends = np.append(unit.s[1:], 1.0)
         counts = PIECE_INSTANTS + np.ceil(INSTANTS_PER_SHARE * (ends - unit.s)).astype(np.int64)
         motion = np.stack([unit.s, unit.v, unit.a, unit.j, unit.h])
         enough = most ** np.arange(1.0, 4.0)
-        uses = _find_largest_uses(self.s, motion, counts, self._coefficients, self._middle, self._power, enough)
+        uses = _find_largest_uses(
+            self.s, motion, counts, self._coefficients, self._middle, self._power, enough
+        )
         least: float = max(use ** (1 / power) for power, use in enumerate(uses.tolist(), 1))
         if not self.mixed:
             return least
@@ -188,9 +243,14 @@ class _Rows:
         k = np.repeat(np.arange(len(counts)), counts)
         s, v, a, j = unit.at(k, share * unit.h[k])
         length = self.s[-1] - self.s[0]
-        interval = np.searchsorted(self.s, self.s[0] + length * s, side="right").clip(1, len(self.s) - 1) - 1
+        interval = (
+            np.searchsorted(self.s, self.s[0] + length * s, side="right").clip(1, len(self.s) - 1)
+            - 1
+        )
         v, a, j = length * v, length * a, length * j
-        values = dict(zip(TERMS, (v, v**2, v**3, a, v * a, j), strict=True)) | {Term.ONE: np.ones(len(s))}
+        values = dict(zip(TERMS, (v, v**2, v**3, a, v * a, j), strict=True)) | {
+            Term.ONE: np.ones(len(s))
+        }
         return max(least, *(_block_time(block, interval, values, v) for block in self.mixed))
 
 
@@ -199,13 +259,20 @@ TERMS = (Term.SD, Term.SD2, Term.SD3, Term.SDD, Term.SDSDD, Term.SDDD)
 
 @kernel
 def _find_largest_uses(
-    s: Floats1, motion: Floats2, counts: Ints1, coefficients: Floats3, middle: Floats1, power: Ints1, enough: Floats1
+    s: Floats1,
+    motion: Floats2,
+    counts: Ints1,
+    coefficients: Floats3,
+    middle: Floats1,
+    power: Ints1,
+    enough: Floats1,
 ) -> Array:
-    """(3,) of rows of each power of time, the largest share of their bounds that a unit profile has over a run.
+    """(3,) of rows of each power of time, the largest share of their bounds that a unit profile has
+    over a run.
 
-    s (N+1,) grid; motion (5, K) s, ṡ, s̈, s⃛ and duration of the profile's pieces, with counts (K,) of instants each;
-    coefficients (N, 6, R) of TERMS, middle (R,) and power (R,) of the rows; enough (3,): shares from which on nobody
-    needs to know more
+    s (N+1,) grid; motion (5, K) s, ṡ, s̈, s⃛ and duration of the profile's pieces, with counts (K,)
+    of instants each; coefficients (N, 6, R) of TERMS, middle (R,) and power (R,) of the rows;
+    enough (3,): shares from which on nobody needs to know more
     """
     largest = np.zeros(3)
     length, terms, k = s[-1] - s[0], np.zeros(coefficients.shape[1]), 0
@@ -217,7 +284,14 @@ def _find_largest_uses(
             v, a = length * (v0 + t * (a0 + t * j / 2)), length * (a0 + t * j)
             while k < len(s) - 2 and s[k + 1] <= at:
                 k += 1
-            terms[0], terms[1], terms[2], terms[3], terms[4], terms[5] = v, v * v, v * v * v, a, v * a, length * j
+            terms[0], terms[1], terms[2], terms[3], terms[4], terms[5] = (
+                v,
+                v * v,
+                v * v * v,
+                a,
+                v * a,
+                length * j,
+            )
             for row in range(len(middle)):
                 value = 0.0
                 for term in range(len(terms)):
@@ -230,7 +304,9 @@ def _find_largest_uses(
     return largest
 
 
-def _block_time(block: Block, interval: np.ndarray, values: Mapping[Term, Array], v: Array) -> float:
+def _block_time(
+    block: Block, interval: np.ndarray, values: Mapping[Term, Array], v: Array
+) -> float:
     """s of a block whose terms have several powers of time."""
     parts: dict[int, Array] = {}
     for term, coefficients in block.start.items():
@@ -243,7 +319,9 @@ def _block_time(block: Block, interval: np.ndarray, values: Mapping[Term, Array]
         total: Array = np.sum([part / time**power for power, part in parts.items()], axis=0)
         if block.speed_range is not None:  # rows that count near some motions only
             low_v, high_v = (values[interval] for values in block.speed_range[:2])
-            total = np.where((low_v <= v[:, None] / time) & (v[:, None] / time < high_v), total, 0.0)
+            total = np.where(
+                (low_v <= v[:, None] / time) & (v[:, None] / time < high_v), total, 0.0
+            )
         kept = block.share(total).max() <= 1
         low, high = (low, time) if kept else (time, high)
     return high
@@ -260,7 +338,8 @@ KINDS = (*PATH_SHAPES, *MOVE_RAMPS)
 class Classical(Result):
     """A baseline motion of a classical kind, with its own certificate.
 
-    order      to which its proof goes: 2 where its acceleration steps, so that no jerk limit could hold
+    order      to which its proof goes: 2 where its acceleration steps, so that no jerk limit could
+               hold
     deviation  how far it leaves the programmed curve; None: it follows it
     """
 
@@ -292,14 +371,16 @@ class Classical(Result):
 
 @check_arguments()
 def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
-    """Find the baseline timing of a program, planned or not, as fast as its kind allows within the same limits.
+    """Find the baseline timing of a program, planned or not, as fast as its kind allows within the
+    same limits.
 
-    Along the path: "trapezoid", "s-curve" (seven pieces of constant jerk) and "quarter-sine", in arc length, each run
-    the quickest of its kind, scaled until certified; all but the s-curve at order 2, since their accelerations step.
-    Between poses: "synchronised" [Sahbaz 2007] and "independent" [Sasidhar 1981], trapezoids of every axis at its own
-    limits of speed and acceleration, certified for these and for travel; the deviation says how far they leave the
-    path. Every join is a stop, from rest to rest, also where the program begins or ends at a speed, and no speed is
-    kept constant.
+    Along the path: "trapezoid", "s-curve" (seven pieces of constant jerk) and "quarter-sine", in
+    arc length, each run the quickest of its kind, scaled until certified; all but the s-curve at
+    order 2, since their accelerations step. Between poses: "synchronised" [Sahbaz 2007] and
+    "independent" [Sasidhar 1981], trapezoids of every axis at its own limits of speed and
+    acceleration, certified for these and for travel; the deviation says how far they leave the
+    path. Every join is a stop, from rest to rest, also where the program begins or ends at a speed,
+    and no speed is kept constant.
 
     Parameters
     ----------
@@ -324,22 +405,29 @@ def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
         raise MotionError(f'baseline timing "{kind}" is not known; there are {", ".join(KINDS)}')
     shapes = PATH_SHAPES[kind]
     if shapes.order == 3 and all(axis.max_jerk is None for axis in plan.machine.axes):
-        raise MotionError(f"baseline timing {kind}: no axis states a jerk limit; state one, or choose another kind")
+        raise MotionError(
+            f"baseline timing {kind}: no axis states a jerk limit; state one, or choose another kind"
+        )
     path, standing = _stopping_path(plan)
-    limits = _reuse_limits(standing, limits_of(path, _axes(plan), shapes.order, _own(plan, path, shapes.order)))
+    limits = _reuse_limits(
+        standing, limits_of(path, _axes(plan), shapes.order, _own(plan, path, shapes.order))
+    )
     certifier = RunCertifier(path, limits, shapes.order, ClassicalFamily(shapes))
     solution = solve_goal(certifier).require_proof()
     return Classical(kind, shapes.order, solution.trajectory, solution.certificate)
 
 
-_STOPPING_PATHS: WeakKeyDictionary[MachinePath, tuple[MachinePath, tuple[Limit, ...]]] = WeakKeyDictionary()
+_STOPPING_PATHS: WeakKeyDictionary[MachinePath, tuple[MachinePath, tuple[Limit, ...]]] = (
+    WeakKeyDictionary()
+)
 
 
 def _stopping_path(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]:
-    """The path with a stop at every join and no constant speeds, and its violations that slowing down cannot fix.
+    """The path with a stop at every join and no constant speeds, and its violations that slowing
+    down cannot fix.
 
-    It is one path for all kinds, and the plan's own if that stops so, since what place alone asks is proved once for
-    each path.
+    It is one path for all kinds, and the plan's own if that stops so, since what place alone asks
+    is proved once for each path.
     """
     free = not has_constant_speed(plan.path)
     if free and plan.path.stops(2).all() and plan.path.end_speeds == (0.0, 0.0):
@@ -352,7 +440,9 @@ def _stopping_path(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]
             else segment
             for segment in program.segments
         )
-        path = actuate(replace(program, segments=segments, start_speed=0.0, end_speed=0.0), plan.machine)
+        path = actuate(
+            replace(program, segments=segments, start_speed=0.0, end_speed=0.0), plan.machine
+        )
         limits = limits_of(path, plan.machine.axes, 2, _own(plan, path, 2))
         _STOPPING_PATHS[plan.path] = path, tuple(limit for limit in limits if limit.geometric)
     return _STOPPING_PATHS[plan.path]
@@ -365,12 +455,19 @@ def _reuse_limits(standing: Sequence[Limit], limits: Sequence[Limit]) -> tuple[L
 
 
 def _own(plan: Plan | Course, path: MachinePath, order: int) -> list[Limit]:
-    """A caller's own limits, as far as a motion of an order can keep them: of jerk only at order 3."""
-    return [limit for limit in make_own_limits(path, plan.own_limits) if order == 3 or Term.SDDD not in limit.terms]
+    """A caller's own limits, as far as a motion of an order can keep them: of jerk only at order
+    3.
+    """
+    return [
+        limit
+        for limit in make_own_limits(path, plan.own_limits)
+        if order == 3 or Term.SDDD not in limit.terms
+    ]
 
 
 def _axes(plan: Plan | Course) -> list[Axis]:
-    # baseline timings know no way round a resonance band: what a timed crossing would cost them is left out
+    # baseline timings know no way round a resonance band: what a timed crossing would cost them is
+    # left out
     return [
         replace(axis, resonance=None, resonance_time=None) if axis.resonance_time else axis
         for axis in plan.machine.axes
@@ -381,20 +478,27 @@ def _time_moves(plan: Plan | Course, kind: str) -> Classical:
     machine, (path, _), axes = plan.machine, _stopping_path(plan), _axes(plan)
     trajectory, begins = time_moves(path, axes, MOVE_RAMPS[kind])
     travel = Travel(machine.axes, machine.home_q)
-    limits = [*limits_of(trajectory.path, axes, 2), *([travel] if (travel.bounds < float("inf")).any() else [])]
+    limits = [
+        *limits_of(trajectory.path, axes, 2),
+        *([travel] if (travel.bounds < float("inf")).any() else []),
+    ]
     certificate = certify(trajectory, limits)
     return Classical(kind, 2, trajectory, certificate, deviation(machine, path, trajectory, begins))
 
 
 def missing_limits(plan: Plan, timing: Classical) -> tuple[str, ...]:
-    """What the plan is proved to keep, and the timing is not, as certificates call it: left out of it, or broken."""
+    """What the plan is proved to keep, and the timing is not, as certificates call it: left out of
+    it, or broken.
+    """
     kept = _list_kept_limits(timing)
     missing = [name for name in plan.certificate.worst if name not in kept]
     return tuple(name for name in missing if name != CROSSING or Resonance.name not in missing)
 
 
 def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
-    """What else than its shape of speed is not as in the plan, each in a few words; nothing where all is alike."""
+    """What else than its shape of speed is not as in the plan, each in a few words; nothing where
+    all is alike.
+    """
     told = []
     if missing := missing_limits(plan, timing):
         told.append(f"without {', '.join(missing)}")
@@ -406,8 +510,13 @@ def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
         told.append(f"leaves the path by up to {1e3 * timing.deviation.distance:.3g} mm")
     if plan.path.fit is not None:
         rounded = sum(not blend.stop for blend in plan.path.blends)
-        told += [f"stops at {count_noun(rounded, 'corner')} that the plan rounds"] if rounded else []
-    elif not plan.path.stops(plan.order).all() and len({(p.repetition, p.segment) for p in plan.path.pieces}) > 1:
+        told += (
+            [f"stops at {count_noun(rounded, 'corner')} that the plan rounds"] if rounded else []
+        )
+    elif (
+        not plan.path.stops(plan.order).all()
+        and len({(p.repetition, p.segment) for p in plan.path.pieces}) > 1
+    ):
         told.append("stops at every join")
     if plan.path.end_speeds != (0.0, 0.0):
         told.append("from rest to rest")
@@ -419,7 +528,8 @@ def _list_kept_limits(timing: Classical) -> list[str]:
 
 
 def pick_baseline(plan: Plan, timings: Sequence[Classical]) -> Classical:
-    """Of the timings along the path the one that leaves out the fewest of the plan's limits; of several, the quickest.
+    """Of the timings along the path the one that leaves out the fewest of the plan's limits; of
+    several, the quickest.
 
     It is what a saving is told against: under the same limits wherever there is such a timing.
     """

@@ -1,4 +1,6 @@
-"""Classical moves between poses: every axis runs its own trapezoid from one pose to the next, and the path is lost."""
+"""Classical moves between poses: every axis runs its own trapezoid from one pose to the next, and
+the path is lost.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,7 +20,8 @@ from planner.place import Place
 from planner.timing.problem import EXACT_AIM
 from planner.trajectory import Trajectory
 
-# Instants of a move at which its pose is found, and points of the programmed curve that it is held against.
+# Instants of a move at which its pose is found, and points of the programmed curve that it is held
+# against.
 MOVE_INSTANTS, CURVE_POINTS = 65, 129
 # Share of the largest coordinate up to which a difference between two ends is rounding.
 END_ROUNDING = 1e-12
@@ -41,8 +44,9 @@ class Deviation:
 def synchronised_ramps(distance: Array, speed: Array, acceleration: Array) -> Ramps:
     """All axes start and end together, in max |Δq|/V + t₁, with ramps of t₁ = max V/A.
 
-    An axis that would not reach its speed V in a ramp has a triangle over the whole time. [Sahbaz 2007]: one V and one
-    t₁ for all legs, 3000 pulse/s and 10 ms; here each axis has its own V, and t₁ is the longest that any needs.
+    An axis that would not reach its speed V in a ramp has a triangle over the whole time. [Sahbaz
+    2007]: one V and one t₁ for all legs, 3000 pulse/s and 10 ms; here each axis has its own V, and
+    t₁ is the longest that any needs.
     """
     ramp = float((speed / acceleration).max())
     whole = float((distance / speed).max()) + ramp
@@ -66,15 +70,19 @@ def time_moves(
     ramps: Callable[[Array, Array, Array], Ramps],
     ends: np.ndarray | None = None,
 ) -> tuple[Trajectory, Array]:
-    """From end to end of every segment, with the path's dwells; and when each segment begins, and all ends (K+1,).
+    """From end to end of every segment, with the path's dwells; and when each segment begins, and
+    all ends (K+1,).
 
     ends (K+1,): breaks to move between instead, from the first to the last.
 
-    The motion runs along time itself: a path q(t) of parabolas, at ṡ = 1. Raises MotionError where an axis has no
-    limit of speed or acceleration, or nothing moves.
+    The motion runs along time itself: a path q(t) of parabolas, at ṡ = 1. Raises MotionError where
+    an axis has no limit of speed or acceleration, or nothing moves.
     """
     ends = _ends(path) if ends is None else ends
-    speeds, acceleration = _ramp_limits(axes, "max_speed"), _ramp_limits(axes, "max_acceleration").min(0)
+    speeds, acceleration = (
+        _ramp_limits(axes, "max_speed"),
+        _ramp_limits(axes, "max_acceleration").min(0),
+    )
     q = _corners(path, ends)
     knots, pieces, begins = [np.zeros(1)], [], []
     now = 0.0
@@ -96,17 +104,28 @@ def time_moves(
             knots.append(now + times[1:])
             now += float(times[-1])
     if not pieces:
-        raise MotionError("every segment ends where it starts, so a point-to-point move does not move at all")
+        raise MotionError(
+            "every segment ends where it starts, so a point-to-point move does not move at all"
+        )
     breaks = np.concatenate(knots)
     along = PolynomialPath(breaks, np.concatenate(pieces, 1), path.names)
     count = len(breaks) - 1
     nothing = np.zeros(count)
-    return Trajectory(along, breaks, breaks[:-1], nothing + 1, nothing, nothing, np.arange(count)), np.array(begins)
+    return Trajectory(
+        along, breaks, breaks[:-1], nothing + 1, nothing, nothing, np.arange(count)
+    ), np.array(begins)
 
 
-def move_places(begin: Array, end: Array, axes: Sequence[Axis], ramps: Callable[..., Ramps], share: Array) -> Array:
-    """(K, n) where a move from `begin` to `end` (n,) has its axes at shares (K,) of its time; raises as `moves`."""
-    speeds, acceleration = _ramp_limits(axes, "max_speed"), _ramp_limits(axes, "max_acceleration").min(0)
+def move_places(
+    begin: Array, end: Array, axes: Sequence[Axis], ramps: Callable[..., Ramps], share: Array
+) -> Array:
+    """(K, n) where a move from `begin` to `end` (n,) has its axes at shares (K,) of its time;
+    raises as `moves`.
+    """
+    speeds, acceleration = (
+        _ramp_limits(axes, "max_speed"),
+        _ramp_limits(axes, "max_acceleration").min(0),
+    )
     way = end - begin
     if not way.any():
         return np.tile(begin, (len(share), 1))
@@ -115,19 +134,34 @@ def move_places(begin: Array, end: Array, axes: Sequence[Axis], ramps: Callable[
     with np.errstate(divide="ignore", invalid="ignore"):
         top = np.where(way != 0, way / (whole - ramp), 0.0)
         rate = np.where(way != 0, top / ramp, 0.0)
-    return np.asarray(begin + _moved_distance(t, t < ramp, t > whole - ramp, t > whole, way, ramp, whole, top, rate))
+    return np.asarray(
+        begin
+        + _moved_distance(t, t < ramp, t > whole - ramp, t > whole, way, ramp, whole, top, rate)
+    )
 
 
 def _moved_distance(
-    t: Array, up: Flags, down: Flags, rest: Flags, way: Array, ramp: Array, whole: Array, top: Array, rate: Array
+    t: Array,
+    up: Flags,
+    down: Flags,
+    rest: Flags,
+    way: Array,
+    ramp: Array,
+    whole: Array,
+    top: Array,
+    rate: Array,
 ) -> Array:
     left = np.maximum(whole - t, 0.0)
-    moved = np.where(up, rate * t**2 / 2, np.where(down, way - rate * left**2 / 2, top * (t - ramp / 2)))
+    moved = np.where(
+        up, rate * t**2 / 2, np.where(down, way - rate * left**2 / 2, top * (t - ramp / 2))
+    )
     return np.asarray(np.where(rest, way, moved))
 
 
 def _parabolas(times: Array, q: Array, way: Array, ramp: Array, whole: Array) -> Array:
-    """(3, K, n) coefficients of each piece between the times, the highest power first: a trapezoid on every axis."""
+    """(3, K, n) coefficients of each piece between the times, the highest power first: a trapezoid
+    on every axis.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         top = np.where(way != 0, way / (whole - ramp), 0.0)
         rate = np.where(way != 0, top / ramp, 0.0)
@@ -152,21 +186,30 @@ def _corners(path: MachinePath, ends: np.ndarray) -> Array:
 
 
 def _ramp_limits(axes: Sequence[Axis], name: str) -> Array:
-    """(2, n) aimed at, towards smaller and greater q. A move speeds up by the one as it slows down by the other."""
+    """(2, n) aimed at, towards smaller and greater q. A move speeds up by the one as it slows down
+    by the other.
+    """
     missing = [axis.name for axis in axes if getattr(axis, name) is None]
     if missing:
-        raise MotionError(f"a point-to-point move needs {name} of every axis: state it for {', '.join(missing)}")
+        raise MotionError(
+            f"a point-to-point move needs {name} of every axis: state it for {', '.join(missing)}"
+        )
     return EXACT_AIM * np.array([directional_bounds(getattr(axis, name)) for axis in axes]).T
 
 
 def deviation(
-    machine: Machine, path: MachinePath, moved: Trajectory, begins: Array, ends: np.ndarray | None = None
+    machine: Machine,
+    path: MachinePath,
+    moved: Trajectory,
+    begins: Array,
+    ends: np.ndarray | None = None,
 ) -> Deviation:
     """How far a move from pose to pose and the programmed curve part, by forward kinematics.
 
-    It is the largest distance of any point of one from the other, segment by segment: 0 for a line that is kept, the
-    height over its chord for an arc that is cut short, the diameter of a circle that is not run at all. `ends` as
-    `moves` had them. Raises MotionError where the axes lead to no pose on the way.
+    It is the largest distance of any point of one from the other, segment by segment: 0 for a line
+    that is kept, the height over its chord for an arc that is cut short, the diameter of a circle
+    that is not run at all. `ends` as `moves` had them. Raises MotionError where the axes lead to no
+    pose on the way.
     """
     ends = _ends(path) if ends is None else ends
     worst = Deviation(0.0, Place(float(path.breaks[0]), path.segment(0)))
@@ -176,9 +219,13 @@ def deviation(
         piece = np.clip(np.searchsorted(path.breaks, s, side="right") - 1, first, last - 1)
         drawn = from_numbers(path.pose_numbers(s, piece))
         segment = path.segment(int(first))
-        found = machine.forward(moved.at(t).q, drawn[:: (CURVE_POINTS - 1) // (MOVE_INSTANTS - 1)], certify=False)
+        found = machine.forward(
+            moved.at(t).q, drawn[:: (CURVE_POINTS - 1) // (MOVE_INSTANTS - 1)], certify=False
+        )
         if not found.residual.max() <= POSE_RESIDUAL:
-            raise MotionError(f"a point-to-point move has no pose in segment {segment}").in_segment(segment)
+            raise MotionError(f"a point-to-point move has no pose in segment {segment}").in_segment(
+                segment
+            )
         run, curve = found.pose.translation, drawn.translation
         for off, places in (
             (distance_to_curve(run, curve), np.linspace(s[0], s[-1], MOVE_INSTANTS)),
@@ -195,4 +242,6 @@ def distance_to_curve(points: Array, curve: Array) -> Array:
     start, way = curve[:-1], np.diff(curve, axis=0)
     square = np.maximum((way**2).sum(1), np.finfo(float).tiny)
     along = np.clip(((points[:, None] - start) * way).sum(2) / square, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(points[:, None] - (start + along[:, :, None] * way), axis=2).min(1))
+    return np.asarray(
+        np.linalg.norm(points[:, None] - (start + along[:, :, None] * way), axis=2).min(1)
+    )

@@ -1,4 +1,6 @@
-"""Classical profiles of speed from rest to rest, in units of the whole length and the whole time."""
+"""Classical profiles of speed from rest to rest, in units of the whole length and the whole
+time.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,8 +10,8 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from planner.timing.profile import Profile
 
-# Parts of a quarter sine, each of constant jerk: s and ṡ are exact at their ends, and in between ṡ is off by at most
-# (π/2/parts)³/124 of its largest, 2.3e-6.
+# Parts of a quarter sine, each of constant jerk: s and ṡ are exact at their ends, and in between ṡ
+# is off by at most (π/2/parts)³/124 of its largest, 2.3e-6.
 SINE_PARTS = 24
 
 
@@ -35,7 +37,9 @@ def trapezoid(ramp: float) -> Profile:
 
 
 def s_curve(ramp: float, rounding: float) -> Profile:
-    """Seven pieces of constant jerk; on each ramp the acceleration rises for the share `rounding`, holds, and falls."""
+    """Seven pieces of constant jerk; on each ramp the acceleration rises for the share `rounding`,
+    holds, and falls.
+    """
     rise, hold = ramp * rounding, ramp * (1 - 2 * rounding)
     rate = 1 / (1 - ramp) / (ramp * (1 - rounding))
     up = np.array([0.0, rate, rate])
@@ -59,7 +63,9 @@ def quarter_sine(ramp: float) -> Profile:
     j = 2 * (v[1:] - v[:-1] - a * h) / h**2
     lengths = np.concatenate([h, [1 - 2 * ramp], h])
     ends = a + j * h
-    return _unit(lengths, np.concatenate([a, [0.0], -ends[::-1]]), np.concatenate([j, [0.0], j[::-1]]))
+    return _unit(
+        lengths, np.concatenate([a, [0.0], -ends[::-1]]), np.concatenate([j, [0.0], j[::-1]])
+    )
 
 
 def _unit(h: Array, a: Array, j: Array) -> Profile:
@@ -67,14 +73,16 @@ def _unit(h: Array, a: Array, j: Array) -> Profile:
     keep = h > 1e-12
     h, a, j = h[keep], a[keep], j[keep]
     s, v = [0.0], [0.0]
-    # in Python numbers: searches draw thousands of profiles of a few pieces, for which arrays take longer
+    # in Python numbers: searches draw thousands of profiles of a few pieces, for which arrays take
+    # longer
     for each_h, each_a, each_j in zip(h.tolist(), a.tolist(), j.tolist(), strict=True):
         s.append(s[-1] + each_h * (v[-1] + each_h * (each_a / 2 + each_h * each_j / 6)))
         v.append(v[-1] + each_h * (each_a + each_h * each_j / 2))
     return Profile(np.array(s[:-1]), np.array(v[:-1]), a, j, h, np.zeros(len(h), int))
 
 
-# A ramp of a hundred-thousandth of the time, or half of it; a rounding of a hundredth of the ramp, or half of it.
+# A ramp of a hundred-thousandth of the time, or half of it; a rounding of a hundredth of the ramp,
+# or half of it.
 RAMP_RANGE, ROUNDING_RANGE = (1e-5, 0.5), (1e-2, 0.5)
 TRAPEZOID = Shapes("trapezoid", 2, trapezoid, (RAMP_RANGE,))
 S_CURVE = Shapes("s-curve", 3, s_curve, (RAMP_RANGE, ROUNDING_RANGE))

@@ -12,8 +12,10 @@ to be exact.
 
 The method is J. Nocedal and S. Wright, Numerical Optimization (2006), section 19.2, in its symbols:
 
-    s, z        slacks and multipliers of the rows (2), h(x) + s = 0, as shares of the time at a place
-    λ           multipliers of (3); on a cell λa, λb at its start, the bulge of λb, λa, λb at its end
+    s, z        slacks and multipliers of the rows (2), h(x) + s = 0, as shares of the time at a
+                place
+    λ           multipliers of (3); on a cell λa, λb at its start, the bulge of λb, λa, λb at its
+                end
     B           (3, 5) at each end: B λ multiplies (a, b, c) in (3)
     G           (R, 3) at each end: gradient of the rows
     μ, σ        complementarity and centring
@@ -262,7 +264,8 @@ def _iterate(
         sigma = 0.1 if alpha > 0.9 else (0.3 if alpha > 0.5 else 0.7)
         goal = sigma * mu / per_row / rows.root
 
-        # Hessian and gradient of the Lagrangian by x, without the rows' slacks and multipliers (19.6)
+        # Hessian and gradient of the Lagrangian by x, without the rows' slacks and multipliers
+        # (19.6)
         steady = min(1.0, mu / time)  # keeps first steps near, and goes as μ does
         jerky = 1.0 - z[:, rows.jerk].sum(1) * rows.root  # of the curvature, after the rows of jerk
         hessian = np.zeros((len(x), 3, 3))

@@ -1,4 +1,5 @@
-"""Lower bound of a cell next to a rest, in closed form: docs/theory/lower_bound.md, "Next to rests".
+"""Lower bound of a cell next to a rest, in closed form: docs/theory/lower_bound.md, "Next to
+rests".
 
 There the integrand of `planner.bounds.lower_bound` has no good bound.
 """

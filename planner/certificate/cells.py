@@ -1,4 +1,6 @@
-"""Cells of time, and their refinement by branch and bound: bound every cell, split the loose ones."""
+"""Cells of time, and their refinement by branch and bound: bound every cell, split the loose
+ones.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -34,7 +36,9 @@ class Cells:
         return self.hi - self.lo
 
     def parts(self, count: int) -> "Cells":
-        """Split each cell into equal parts: the first part of every cell, then every second part."""
+        """Split each cell into equal parts: the first part of every cell, then every second
+        part.
+        """
         cuts = self.lo + self.lengths * np.linspace(0.0, 1.0, count + 1)[:, None]
         cuts[-1] = self.hi
         return Cells(np.tile(self.k, count), cuts[:-1].ravel(), cuts[1:].ravel())

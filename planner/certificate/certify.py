@@ -1,9 +1,9 @@
 """The certificate: a bound of every limit over continuous time.
 
-It depends on the trajectory and on the limits' `value` and `use`, and on no row of a solver. Time is cut into cells.
-Over each, the motion is enclosed (`planner.certificate.enclosure`) and each limit's value is
-bounded by its own formula; cells are split until the bounds are tight. It is also proved that the
-motion is continuous and complete (`planner.certificate.continuity`).
+It depends on the trajectory and on the limits' `value` and `use`, and on no row of a solver. Time
+is cut into cells. Over each, the motion is enclosed (`planner.certificate.enclosure`) and each
+limit's value is bounded by its own formula; cells are split until the bounds are tight. It is also
+proved that the motion is continuous and complete (`planner.certificate.continuity`).
 """
 
 from collections.abc import Sequence
@@ -123,7 +123,8 @@ def _prove_crossing(
     trajectory: Trajectory,
     limit: Resonance,
 ) -> tuple[Array, Array, Place]:
-    """Return the longest stay that each time piece (M,) takes part in, and where the longest begins.
+    """Return the longest stay that each time piece (M,) takes part in, and where the longest
+    begins.
 
     Shares of the time allowed: the proved bound, and the attained value.
     """

@@ -107,7 +107,9 @@ def _states_at_ends(path: ActuatorPath, order: int) -> tuple[Array, Array]:
 
 
 def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Yield begin and end of batches of about STATE_BATCH time pieces, each of whole path pieces."""
+    """Yield begin and end of batches of about STATE_BATCH time pieces, each of whole path
+    pieces.
+    """
     count = len(piece)
     ends = np.append(np.flatnonzero(np.diff(piece)) + 1, count)
     first = 0

@@ -1,11 +1,11 @@
 """Enclosure of a motion over cells of time, at two levels of accuracy, with one interface.
 
-Limits see a `MotionEnclosure`: the quantities of a motion as Taylor models, and a method that bounds
-values computed from them. The coarse level (`planner.certificate.path_enclosure`) gives intervals
-and is fast. The fine level below gives series in τ whose error falls with a high power of the cell:
-s(t) is put into the path's own expression, and q̇, q̈, q⃛ follow by differentiating the series. No
-chain rule of a solver takes part. Remainder: Taylor's theorem in Lagrange's form, the last
-coefficient taken over the whole cell.
+Limits see a `MotionEnclosure`: the quantities of a motion as Taylor models, and a method that
+bounds values computed from them. The coarse level (`planner.certificate.path_enclosure`) gives
+intervals and is fast. The fine level below gives series in τ whose error falls with a high power of
+the cell: s(t) is put into the path's own expression, and q̇, q̈, q⃛ follow by differentiating the
+series. No chain rule of a solver takes part. Remainder: Taylor's theorem in Lagrange's form, the
+last coefficient taken over the whole cell.
 """
 
 from abc import ABC, abstractmethod
@@ -177,7 +177,9 @@ def expand_motion(
     trajectory: Trajectory,
     cells: Cells,
 ) -> tuple[Array, Array, Array]:
-    """Return coefficients (4, N) of s in τ about each cell's centre, their errors, and half widths."""
+    """Return coefficients (4, N) of s in τ about each cell's centre, their errors, and half
+    widths.
+    """
     columns = (trajectory.s, trajectory.v, trajectory.a, trajectory.j)
     motion = np.stack([column[cells.k] for column in columns])
     centre = (cells.lo + cells.hi) / 2

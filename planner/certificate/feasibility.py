@@ -158,7 +158,9 @@ class Standing(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings that break no limit: a pose near a singular one, a spline far from its points."""
+        """Warnings that break no limit: a pose near a singular one, a spline far from its
+        points.
+        """
         near = "" if self.conditioning is None else self.conditioning.warning
         return tuple(filter(None, (near, *overshoot_warnings(self.overshoots))))
 

@@ -1,4 +1,5 @@
-"""Share of each limit that a motion uses, proved over cells of time that are split until it is tight.
+"""Share of each limit that a motion uses, proved over cells of time that are split until it is
+tight.
 
 A limit that depends on time is bounded by the coarse enclosure first. Cells whose bounds are loose
 then, and all cells of a geometric limit, are bounded by the fine one.
@@ -119,7 +120,9 @@ def prove(
     order: int,
     known: ProvedUse | None = None,
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return, per limit, the proved bound of its use over each time piece (M,), and the attained use."""
+    """Return, per limit, the proved bound of its use over each time piece (M,), and the attained
+    use.
+    """
     cells = Cells.cover(trajectory)
     path = trajectory.path
     # stated speeds have to be met exactly
@@ -352,7 +355,10 @@ def find_geometric_use(
     last = np.searchsorted(parts, high, side="right")
     first = np.clip(first, 0, len(parts) - 1)
     ranges = np.stack([first, np.maximum(last, 1)], 1).ravel()
-    return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proved.use.items()}
+    return {
+        name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2]
+        for name, values in proved.use.items()
+    }
 
 
 def use_at_knots(

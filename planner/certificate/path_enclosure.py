@@ -56,7 +56,9 @@ class IntervalEnclosure(MotionEnclosure):
 
     @abstractmethod
     def bound_pose(self, highest: int) -> Array:
-        """Return middles and radii (2, highest+1, N, 12) of the pose and its derivatives by time."""
+        """Return middles and radii (2, highest+1, N, 12) of the pose and its derivatives by
+        time.
+        """
 
     @cached_property
     def _pose(self) -> Array:

@@ -159,7 +159,9 @@ def _bound_sizes(
 
 @kernel
 def _compose(p: Floats2, s: Floats2, a: Floats2) -> None:
-    """Fill a (powers+1, CELLS): the coefficients of Σ p_i σ(τ)^i. Overwrites p with those about s₀."""
+    """Fill a (powers+1, CELLS): the coefficients of Σ p_i σ(τ)^i. Overwrites p with those about
+    s₀.
+    """
     powers = len(a) - 1
     # p about s₀ times (σ − s₀)^i has no power of τ below the i-th
     top = min(powers, len(p) - 1)

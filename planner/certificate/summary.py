@@ -1,4 +1,6 @@
-"""The certificate of a long motion in few numbers: the use of limits by each part, and all joined."""
+"""The certificate of a long motion in few numbers: the use of limits by each part, and all
+joined.
+"""
 
 from collections.abc import Sequence
 

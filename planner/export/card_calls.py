@@ -1,17 +1,20 @@
-"""Motion as calls of the cards PCI-8132 and PCI-8164: one absolute move per axis and interval of time.
+"""Motion as calls of the cards PCI-8132 and PCI-8164: one absolute move per axis and interval of
+time.
 
-At t_k an axis that has to go on is sent ta_move(pos, start, max, tacc, tdec): pos is the count nearest to its position
-at t_{k+1}, start and max are speeds (magnitudes, pulses/s), tacc = t_{k+1} - t_k and tdec = 0. Card semantics are not
-printed; assumed are those of [Sahbaz 2007] as the virtual card has them: the speed runs from start to max linearly
-within tacc, tdec = 0 stops dead on the target, and the axis waits there. With D = |pos - the last pos| the speeds are
+At t_k an axis that has to go on is sent ta_move(pos, start, max, tacc, tdec): pos is the count
+nearest to its position at t_{k+1}, start and max are speeds (magnitudes, pulses/s), tacc = t_{k+1}
+- t_k and tdec = 0. Card semantics are not printed; assumed are those of [Sahbaz 2007] as the
+virtual card has them: the speed runs from start to max linearly within tacc, tdec = 0 stops dead on
+the target, and the axis waits there. With D = |pos - the last pos| the speeds are
 
     start = v(t_k) + δ,  max = 2 D/tacc - start,  δ = D/tacc - (v(t_k) + v(t_{k+1}))/2,
 
-whole steps of the card's 16-bit speed registers, max rounded up, so that every move is over when the next is sent. So
-it does not matter whether a card replaces a running move or queues behind it, errors do not add up, and the final
-counts are exact. Times are whole microseconds; an axis' own turning points and rests take the place of the nearest
-instants of the grid. Counts and their signs are the wiring's (direction -1: extension is sent as negative counts). The
-calls are replayed in closed form, for the largest error by which they are from the motion.
+whole steps of the card's 16-bit speed registers, max rounded up, so that every move is over when
+the next is sent. So it does not matter whether a card replaces a running move or queues behind it,
+errors do not add up, and the final counts are exact. Times are whole microseconds; an axis' own
+turning points and rests take the place of the nearest instants of the grid. Counts and their signs
+are the wiring's (direction -1: extension is sent as negative counts). The calls are replayed in
+closed form, for the largest error by which they are from the motion.
 """
 
 from collections.abc import Sequence
@@ -33,7 +36,9 @@ from planner.trajectory import Trajectory
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """One call: at `time` (s) `function`(axis, position, start, top, tacc, tdec), in pulses, pulses/s and s."""
+    """One call: at `time` (s) `function`(axis, position, start, top, tacc, tdec), in pulses,
+    pulses/s and s.
+    """
 
     time: float
     name: str
@@ -47,34 +52,49 @@ class Call:
 
 
 def wired_counts(source: ExportSource, k: int, t: Array) -> tuple[Array, Array]:
-    """Position (pulses) and speed (pulses/s) of an axis at instants t (N,), in the counts of its wiring."""
+    """Position (pulses) and speed (pulses/s) of an axis at instants t (N,), in the counts of its
+    wiring.
+    """
     axis, state = source.machine.axes[k], source.counted.at(t)
     scale = axis.direction / axis.pulse
     return (state.q[:, k] - source.machine.home_q[k]) * scale, state.qd[:, k] * scale
 
 
 def replay_error(source: ExportSource, calls: Sequence[Call]) -> float:
-    """Pulses by which command positions of the calls are from the motion at most, over continuous time.
+    """Pulses by which command positions of the calls are from the motion at most, over continuous
+    time.
 
-    p(τ) = p₀ ± min(D, start τ + (max - start) τ²/(2 tacc)), then waiting. Between all instants at which either changes
-    its piece, p - x is a quintic: it is cut where it turns round, and largest at one of the cuts. The motion's own
-    quintics are true to some 1e-6 pulse, which is added, as `planner.pulses.generation.levels` does.
+    p(τ) = p₀ ± min(D, start τ + (max - start) τ²/(2 tacc)), then waiting. Between all instants at
+    which either changes its piece, p - x is a quintic: it is cut where it turns round, and largest
+    at one of the cuts. The motion's own quintics are true to some 1e-6 pulse, which is added, as
+    `planner.pulses.generation.levels` does.
     """
-    pieces = fit(source.counted, FIT_TOLERANCE * np.array([axis.pulse for axis in source.machine.axes]))
-    return max((_axis_replay_error(source, pieces, k, calls) for k in range(len(source.machine.axes))), default=0.0)
+    pieces = fit(
+        source.counted, FIT_TOLERANCE * np.array([axis.pulse for axis in source.machine.axes])
+    )
+    return max(
+        (_axis_replay_error(source, pieces, k, calls) for k in range(len(source.machine.axes))),
+        default=0.0,
+    )
 
 
-def _axis_replay_error(source: ExportSource, pieces: Pieces, k: int, calls: Sequence[Call]) -> float:
+def _axis_replay_error(
+    source: ExportSource, pieces: Pieces, k: int, calls: Sequence[Call]
+) -> float:
     axis, duration = source.machine.axes[k], source.trajectory.duration
     own = [call for call in calls if call.name == axis.name]
     moves = _moves(own, float(source.pulses.axes[k].start * axis.direction))
-    cuts = np.concatenate([pieces.start, [duration], moves.begin, moves.begin + moves.ramp, moves.end])
+    cuts = np.concatenate(
+        [pieces.start, [duration], moves.begin, moves.begin + moves.ramp, moves.end]
+    )
     cuts = np.unique(np.maximum(cuts, 0.0))
     lo, span = cuts[:-1], np.diff(cuts)
     middle = lo + span / 2
     of = np.searchsorted(pieces.start, middle, side="right") - 1
     x = shift_polynomials(
-        pieces.coefficients[k][:, of], (lo - pieces.start[of]) / pieces.length[of], span / pieces.length[of]
+        pieces.coefficients[k][:, of],
+        (lo - pieces.start[of]) / pieces.length[of],
+        span / pieces.length[of],
     )
     rests = middle > duration
     x[0, rests], x[1:, rests] = pieces.coefficients[k][:, -1].sum(), 0.0
@@ -88,7 +108,8 @@ def _axis_replay_error(source: ExportSource, pieces: Pieces, k: int, calls: Sequ
 
 @dataclass(frozen=True, slots=True)
 class _Moves:
-    """The moves of one axis: when each begins (s), how long its ramp is, when it has arrived, and from where to where.
+    """The moves of one axis: when each begins (s), how long its ramp is, when it has arrived, and
+    from where to where.
 
     In front of them stands one that goes nowhere, from before the start on.
     """
@@ -102,14 +123,18 @@ class _Moves:
     top: Array
 
     def at(self, lo: Array, span: Array, middle: Array) -> Array:
-        """Coefficients (3, S) in v of p(lo + span v), v in [0, 1], of intervals inside which nothing changes."""
+        """Coefficients (3, S) in v of p(lo + span v), v in [0, 1], of intervals inside which
+        nothing changes.
+        """
         nth: NDArray[np.intp] = np.searchsorted(self.begin, middle, side="right") - 1
         begin, ramp, u, w = (each[nth] for each in (self.begin, self.ramp, self.start, self.top))
         gain = (w - u) / ramp
         tau, ramping = lo - begin, middle < begin + ramp
         way = np.where(ramping, tau * (u + gain * tau / 2), ramp * (u + w) / 2 + w * (tau - ramp))
         speed, bend = np.where(ramping, u + gain * tau, w), np.where(ramping, gain, 0.0)
-        run: Array = np.sign(self.target - self.before)[nth] * np.stack((way, speed * span, bend * span**2 / 2))
+        run: Array = np.sign(self.target - self.before)[nth] * np.stack(
+            (way, speed * span, bend * span**2 / 2)
+        )
         run[0] += self.before[nth]
         waits = middle >= self.end[nth]
         run[0, waits], run[1:, waits] = self.target[nth[waits]], 0.0
@@ -129,7 +154,9 @@ def _moves(own: Sequence[Call], at_first: float) -> _Moves:
 
 
 REGISTER = 65535
-"""Largest value of a speed register; its step is the range it is set to, divided by this [Sahbaz 2007, Appendix A]."""
+"""Largest value of a speed register; its step is the range it is set to, divided by this [Sahbaz
+2007, Appendix A].
+"""
 MICROSECONDS = 1_000_000
 MAX_SPACING_US, MIN_SPACING_US = 64_000, 1_000
 """µs between calls that are tried, halved until the error is small enough."""
@@ -141,20 +168,30 @@ SPEED_HEADROOM = 1.001
 
 @dataclass(frozen=True, slots=True)
 class CardKind:
-    """A kind of card: its call, what a channel can emit (pulses/s), and how many axes its library numbers."""
+    """A kind of card: its call, what a channel can emit (pulses/s), and how many axes its library
+    numbers.
+    """
 
     function: str
     max_speed: float
     axes: int
 
 
-KINDS = {"8132": CardKind("_8132_ta_move", 2.4e6, 24), "8164": CardKind("_8164_start_ta_move", 6.55e6, 48)}
-"""By the number in a card's name. Limits: [Sahbaz 2007, Appendix A]; twelve cards of two or of four axes."""
+KINDS = {
+    "8132": CardKind("_8132_ta_move", 2.4e6, 24),
+    "8164": CardKind("_8164_start_ta_move", 6.55e6, 48),
+}
+"""By the number in a card's name.
+
+Limits: [Sahbaz 2007, Appendix A]; twelve cards of two or of four axes.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class CallList:
-    """The calls in the order of time, the spacing (s) of their grid, and the speed range (pulses/s) of every axis."""
+    """The calls in the order of time, the spacing (s) of their grid, and the speed range (pulses/s)
+    of every axis.
+    """
 
     calls: tuple[Call, ...]
     spacing: float
@@ -163,9 +200,11 @@ class CallList:
 
 
 def call_list(source: ExportSource, spacing: float | None, speed_range: float | None) -> CallList:
-    """The calls that make a motion; None: the longest spacing that errs by a pulse at most, the least speed range.
+    """The calls that make a motion; None: the longest spacing that errs by a pulse at most, the
+    least speed range.
 
-    Raises MotionError for an axis without a card, a count beyond the counters, a speed beyond the card or the range.
+    Raises MotionError for an axis without a card, a count beyond the counters, a speed beyond the
+    card or the range.
     """
     kinds = find_card_kinds(source)
     for pulses, axis in zip(source.pulses.axes, source.machine.axes, strict=True):
@@ -178,14 +217,20 @@ def call_list(source: ExportSource, spacing: float | None, speed_range: float | 
     while tried // 2 >= MIN_SPACING_US:
         made = _make_calls(source, kinds, tried, speed_range)
         # coarse ramps overshoot the motion's speeds: finer ones may fit the cards
-        if not isinstance(made, MotionError) and replay_error(source, made.calls) <= MAX_ERROR_PULSES:
+        if (
+            not isinstance(made, MotionError)
+            and replay_error(source, made.calls) <= MAX_ERROR_PULSES
+        ):
             return made
         tried //= 2
     return require(_make_calls(source, kinds, tried, speed_range))
 
 
 def find_card_kinds(source: ExportSource, format: str = "adlink") -> list[CardKind]:
-    """The kind of card of each axis; format: that asks, for messages. Raises MotionError for an axis without one."""
+    """The kind of card of each axis; format: that asks, for messages.
+
+    Raises MotionError for an axis without one.
+    """
     kinds: list[CardKind] = []
     names: dict[str, str | None] = {}
     for axis in source.machine.axes:
@@ -203,7 +248,9 @@ def find_card_kinds(source: ExportSource, format: str = "adlink") -> list[CardKi
                 "axes across all cards of a type: use one name and number the channels consecutively"
             )
         if axis.channel is None or axis.channel >= KINDS[number].axes:
-            raise MotionError(f"{format}: axis {axis.name}: channel {axis.channel}; limit {KINDS[number].axes - 1}")
+            raise MotionError(
+                f"{format}: axis {axis.name}: channel {axis.channel}; limit {KINDS[number].axes - 1}"
+            )
         kinds.append(KINDS[number])
     return kinds
 
@@ -248,12 +295,18 @@ def _make_calls(
                 )
             )  # fmt: skip
     found.sort(key=lambda call: call.time)  # stable: axes stay in order within an instant
-    return CallList(tuple(found), spacing / MICROSECONDS, tuple(ranges), _notes(source, found, spacing, ranges))
+    return CallList(
+        tuple(found), spacing / MICROSECONDS, tuple(ranges), _notes(source, found, spacing, ranges)
+    )
 
 
-def _notes(source: ExportSource, calls: Sequence[Call], spacing: int, ranges: Sequence[float]) -> tuple[str, ...]:
+def _notes(
+    source: ExportSource, calls: Sequence[Call], spacing: int, ranges: Sequence[float]
+) -> tuple[str, ...]:
     axes = source.machine.axes
-    starts = [axis.direction * pulses.start for axis, pulses in zip(axes, source.pulses.axes, strict=True)]
+    starts = [
+        axis.direction * pulses.start for axis, pulses in zip(axes, source.pulses.axes, strict=True)
+    ]
     spans = ", ".join(f"{axis.name} {top:.1f}" for axis, top in zip(axes, ranges, strict=True))
     return (
         f"{count_noun(len(calls), 'call')}, {spacing / 1e3:g} ms apart for an axis that moves; the "
@@ -285,7 +338,9 @@ def _find_rests(trajectory: Trajectory) -> Array:
 
 
 def _find_turns(source: ExportSource, k: int) -> Array:
-    """µs at which an axis turns round, between two opposite pulses: halved until q̇ = 0 is known to below one."""
+    """µs at which an axis turns round, between two opposite pulses: halved until q̇ = 0 is known to
+    below one.
+    """
     pulses = source.pulses.axes[k]
     last = np.flatnonzero(np.diff(pulses.direction))
     lo, hi = (pulses.ticks[last + n] / source.pulses.clock_hz for n in (0, 1))

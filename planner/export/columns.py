@@ -1,4 +1,5 @@
-"""Axis positions as numbers of a file: mm and degrees or pulses, with the decimals that the tolerance needs.
+"""Axis positions as numbers of a file: mm and degrees or pulses, with the decimals that the
+tolerance needs.
 
 The letters by which controllers know their axes are chosen here too.
 """
@@ -27,7 +28,8 @@ DECIMALS_RANGE = (6, 15)  # at least and at most
 
 def origin_option(default: Literal["home", "natural"]) -> Any:
     return option(
-        default, "positions from home, or natural coordinates: leg lengths and angles. Default home; ros: natural"
+        default,
+        "positions from home, or natural coordinates: leg lengths and angles. Default home; ros: natural",
     )
 
 
@@ -57,7 +59,8 @@ class Columns:
     def blocks(
         self, source: ExportSource, knots: Knots, rows: int, *, rest: bool = False
     ) -> Iterator[tuple[NDArray[np.int64], Array]]:
-        """Durations (K,) in steps up to each knot, and there (rows, K, axes) in whole units of the last decimal.
+        """Durations (K,) in steps up to each knot, and there (rows, K, axes) in whole units of the
+        last decimal.
 
         In blocks of knots.
 
@@ -77,7 +80,8 @@ class Columns:
             yield lasting[first : first + BLOCK_POINTS], units + 0.0  # no −0
 
     def text_rows(self, units: Array) -> list[list[str]]:
-        """A list per point of (rows, K, axes) whole units: the rows of the first axis, of the second, … as numbers.
+        """A list per point of (rows, K, axes) whole units: the rows of the first axis, of the
+        second, … as numbers.
 
         Exact, and with a decimal point whatever the locale.
         """
@@ -99,15 +103,24 @@ def make_columns(
     origin: Literal["home", "natural"] = "home",
     unit: Literal["mm", "SI", "counts"] = "mm",
 ) -> Columns:
-    """How the axes of a machine are written in mm and deg, in m and rad, or in pulses of the axis' wiring."""
+    """How the axes of a machine are written in mm and deg, in m and rad, or in pulses of the axis'
+    wiring.
+    """
     axes = source.machine.axes
     own = [(unit, axis.kind) for axis in axes]
     factors = {("mm", "linear"): 1e3, ("mm", "rotary"): 180 / pi}
     pulses = np.array([axis.pulse for axis in axes])
     signs = np.array([axis.direction for axis in axes])
-    factor = signs / pulses if unit == "counts" else np.array([factors.get(key, 1.0) for key in own])
+    factor = (
+        signs / pulses if unit == "counts" else np.array([factors.get(key, 1.0) for key in own])
+    )
     names = {("mm", "rotary"): "deg", ("SI", "linear"): "m", ("SI", "rotary"): "rad"}
-    finest = float((pulses * abs(factor)).min()) * ROUNDING_SHARE * 2 * min(tolerance or TOLERANCE, TOLERANCE)
+    finest = (
+        float((pulses * abs(factor)).min())
+        * ROUNDING_SHARE
+        * 2
+        * min(tolerance or TOLERANCE, TOLERANCE)
+    )
     decimals = min(max(DECIMALS_RANGE[0], ceil(-log10(finest))), DECIMALS_RANGE[1])
     home = np.asarray(source.machine.home_q, float)
     zero = home if origin == "home" or unit == "counts" else np.zeros(len(axes))
@@ -121,14 +134,17 @@ ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 def letters_option() -> Any:
     return option(
-        None, f"letters of the axes, in the machine's order. Default: their names where letters, else {LETTERS}"
+        None,
+        f"letters of the axes, in the machine's order. Default: their names where letters, else {LETTERS}",
     )
 
 
 def assign_letters(axes: tuple[Axis, ...], given: str | None, allowed: str, format_: str) -> str:
-    """A letter for each axis: those given, or the axes' own names where all are allowed letters, else the usual ones.
+    """A letter for each axis: those given, or the axes' own names where all are allowed letters,
+    else the usual ones.
 
-    Raises MotionError where there are more axes than letters, or those given are not one allowed letter per axis.
+    Raises MotionError where there are more axes than letters, or those given are not one allowed
+    letter per axis.
     """
     if len(axes) > len(allowed):
         raise MotionError(
@@ -137,12 +153,22 @@ def assign_letters(axes: tuple[Axis, ...], given: str | None, allowed: str, form
         )
     if given is not None:
         chosen = given.upper()
-        if len(chosen) != len(axes) or len(set(chosen)) != len(chosen) or not set(chosen) <= set(allowed):
-            raise MotionError(f"letters {given}: {format_} needs {len(axes)} different ones of {allowed}")
+        if (
+            len(chosen) != len(axes)
+            or len(set(chosen)) != len(chosen)
+            or not set(chosen) <= set(allowed)
+        ):
+            raise MotionError(
+                f"letters {given}: {format_} needs {len(axes)} different ones of {allowed}"
+            )
         return chosen
     names = "".join(axis.name.upper() for axis in axes if len(axis.name) == 1)
     own = len(names) == len(axes) == len(set(names)) and set(names) <= set(allowed)
-    usual = LETTERS if len(axes) <= len(LETTERS) else LETTERS + "".join(sorted(set(allowed) - set(LETTERS)))
+    usual = (
+        LETTERS
+        if len(axes) <= len(LETTERS)
+        else LETTERS + "".join(sorted(set(allowed) - set(LETTERS)))
+    )
     return names if own else usual[: len(axes)]
 
 
@@ -152,11 +178,15 @@ def describe_letters(axes: tuple[Axis, ...], letters: str) -> str:
 
 
 def plain(text: str) -> str:
-    """The text as one line of printable ASCII, for comments; what is not shows as ?, and what is too long is cut."""
+    """The text as one line of printable ASCII, for comments; what is not shows as ?, and what is
+    too long is cut.
+    """
     return "".join(char if " " <= char <= "~" else "?" for char in text[:MAX_COMMENT_LENGTH])
 
 
-def line_blocks(path: Path, skip: int = 0, size: int = BLOCK_POINTS, encoding: str = "ascii") -> Iterator[list[str]]:
+def line_blocks(
+    path: Path, skip: int = 0, size: int = BLOCK_POINTS, encoding: str = "ascii"
+) -> Iterator[list[str]]:
     """The lines of a written file in blocks, but for some at its head."""
     with path.open(encoding=encoding, newline="") as file:
         list(islice(file, skip))

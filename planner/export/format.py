@@ -1,4 +1,5 @@
-"""The plug point of the export formats: what a format takes, its options, and what it reports; and the formats by name.
+"""The plug point of the export formats: what a format takes, its options, and what it reports; and
+the formats by name.
 
 Each is one line of `FORMATS`, loaded when it is asked for.
 """
@@ -53,7 +54,9 @@ class ExportSource:
     counted: AxesMotion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        counted = self.made or counted_motion(self.trajectory, self.machine.axes, self.machine.home_q)
+        counted = self.made or counted_motion(
+            self.trajectory, self.machine.axes, self.machine.home_q
+        )
         object.__setattr__(self, "counted", counted)
 
     @property
@@ -62,12 +65,16 @@ class ExportSource:
         return self.since is not None
 
     def describe_phase(self, period: float) -> tuple[str, ...]:
-        """What is to be known of rows at a period (s) that go on with others, which began with that motion."""
+        """What is to be known of rows at a period (s) that go on with others, which began with that
+        motion.
+        """
         late = 0.0 if self.since is None else self.since - period * round(self.since / period)
         if abs(late) <= PHASE_ROUNDING:
             return ()
         rows = f"{1e3 * abs(late):.6g} ms {'behind' if late > 0 else 'ahead of'} those of the motion before it"
-        return (f"its rows are {rows}: make the instant a multiple of {1e3 * period:.6g} ms to go on in step with it",)
+        return (
+            f"its rows are {rows}: make the instant a multiple of {1e3 * period:.6g} ms to go on in step with it",
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +96,12 @@ class Exported:
 
 
 def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Exported:
-    """Write a file in a format called `name`. Return the error of its decoded contents against the plan, and notes.
+    """Write a file in a format called `name`.
 
-    Triggers are named in a warning if the format does not hold them. Raises MotionError for contents of another motion,
-    or of no motion where the plan moves; else as the format does.
+    Return the error of its decoded contents against the plan, and notes.
+
+    Triggers are named in a warning if the format does not hold them. Raises MotionError for
+    contents of another motion, or of no motion where the plan moves; else as the format does.
     """
     done = format_.write(source, path)
     if not done.error < np.inf:
@@ -102,8 +111,12 @@ def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Ex
         )
     if done.moves == 0 and is_moving(source):
         few = "stays within half a pulse of its start: use a shorter pulse, or a longer motion"
-        told = few if not source.pulses.total else "cannot be expressed in it: choose another format"
-        raise MotionError(f"format {name}: the file would hold no move, and the plan's motion {told}")
+        told = (
+            few if not source.pulses.total else "cannot be expressed in it: choose another format"
+        )
+        raise MotionError(
+            f"format {name}: the file would hold no move, and the plan's motion {told}"
+        )
     lost = () if holds_triggers(type(format_)) else describe_lost(source.triggers)
     by_axis = done.by_axis or tuple(done.error if len(axis) else 0.0 for axis in source.pulses.axes)
     return replace(done, notes=(*done.notes, *lost), by_axis=by_axis)
@@ -120,7 +133,9 @@ def is_moving(source: ExportSource) -> bool:
 
 
 def refuse_compensated(source: ExportSource, format_: str) -> None:
-    """Raise MotionError for axes that compensate, in a format whose controller makes its own way from stop to stop."""
+    """Raise MotionError for axes that compensate, in a format whose controller makes its own way
+    from stop to stop.
+    """
     for axis in source.machine.axes:
         if axis.compensate:
             raise MotionError(
@@ -143,15 +158,19 @@ def refuse_shaped(source: ExportSource, format_: str) -> None:
 class Format(Protocol):
     """A file format: a frozen dataclass whose fields, made by `option`, are its options.
 
-    The first line of its docstring is what the command's help says of it; the rest states units, line ends and limits.
-    One that starts and ends at rest, so that it cannot hold a stop, which begins in motion, states `from_rest`: what
-    messages call it. One that writes the source's triggers states `triggered = True`; for others a warning names them.
+    The first line of its docstring is what the command's help says of it; the rest states units,
+    line ends and limits. One that starts and ends at rest, so that it cannot hold a stop, which
+    begins in motion, states `from_rest`: what messages call it. One that writes the source's
+    triggers states `triggered = True`; for others a warning names them.
     """
 
     suffix: ClassVar[str]
 
     def write(self, source: ExportSource, path: Path, /) -> Exported:
-        """Write the file. Raises MotionError, before anything is written where it can, for what it cannot hold."""
+        """Write the file.
+
+        Raises MotionError, before anything is written where it can, for what it cannot hold.
+        """
 
 
 FORMATS = {
@@ -190,23 +209,37 @@ def holds_triggers(kind: type[Format]) -> bool:
 
 
 def find_format(name: str) -> type[Format]:
-    """The format of a name. Raises MotionError for an unknown one, with the nearest and all known ones."""
+    """The format of a name.
+
+    Raises MotionError for an unknown one, with the nearest and all known ones.
+    """
     found: type[Format] = load_plugin("format", FORMATS, name)
     return found
 
 
 def write_export(
-    source: ExportSource, name: str, path: str | PathLike[str], force: bool, options: Mapping[str, Any]
+    source: ExportSource,
+    name: str,
+    path: str | PathLike[str],
+    force: bool,
+    options: Mapping[str, Any],
 ) -> Exported:
     """What `Plan.export` does; the file is there whole or not at all."""
     place = Path(path)
     require_folder(f"export {place}", place)
-    target = Destination(place, force=force, remedy="give force=True to replace it, or another path")
+    target = Destination(
+        place, force=force, remedy="give force=True to replace it, or another path"
+    )
     return write_export_to(target, source, name, options)
 
 
-def write_export_to(destination: Destination, source: ExportSource, name: str, options: Mapping[str, Any]) -> Exported:
-    """Write a file in the format called `name`, whole or not at all. Raises as `export` and `Destination.stage`."""
+def write_export_to(
+    destination: Destination, source: ExportSource, name: str, options: Mapping[str, Any]
+) -> Exported:
+    """Write a file in the format called `name`, whole or not at all.
+
+    Raises as `export` and `Destination.stage`.
+    """
     format_ = make_with(find_format(name), f"format {name}", options)
     with destination.stage() as file:
         return export(format_, name, source, file)

@@ -1,8 +1,8 @@
 """Sampling times of a motion, chosen so that the reader's interpolation stays within a tolerance.
 
-Consumers run one polynomial per segment that meets the rows given at both its ends: one row (position) is a straight
-line, two (and velocity) the cubic of PVT, three (and acceleration) a quintic. What was written is decoded, interpolated
-so, and compared with the motion.
+Consumers run one polynomial per segment that meets the rows given at both its ends: one row
+(position) is a straight line, two (and velocity) the cubic of PVT, three (and acceleration) a
+quintic. What was written is decoded, interpolated so, and compared with the motion.
 """
 
 from collections.abc import Iterable
@@ -25,7 +25,9 @@ from planner.pulses.motion import AxesMotion
 
 @dataclass(frozen=True, slots=True)
 class Segments:
-    """S segments, each from `start` to `end` (S,) s; `first` and `last` (rows, S, axes) are what its ends state."""
+    """S segments, each from `start` to `end` (S,) s; `first` and `last` (rows, S, axes) are what
+    its ends state.
+    """
 
     start: Array
     end: Array
@@ -34,7 +36,9 @@ class Segments:
 
     @property
     def coefficients(self) -> Array:
-        """(2 rows, S, axes) c of q(u) - q(0) = Σ c_i uⁱ, u in [0, 1]: of the way, whose rounding is as small as it."""
+        """(2 rows, S, axes) c of q(u) - q(0) = Σ c_i uⁱ, u in [0, 1]: of the way, whose rounding is
+        as small as it.
+        """
         rows = len(self.first)
         scale = (self.end - self.start)[:, None] ** np.arange(rows)[:, None, None]
         ends = np.concatenate([self.first * scale, self.last * scale])
@@ -44,8 +48,9 @@ class Segments:
     def deviation(self, motion: AxesMotion, probes: int) -> Array:
         """(S, axes) how far the segments are from a motion, in its unit.
 
-        The largest |e| at the ends of `probes` equal parts of a segment, and what it may grow to between them: a part
-        of length d adds at most d² max|ë| / 8, with ë as it is inside (at an end q̈ may be that of the next piece).
+        The largest |e| at the ends of `probes` equal parts of a segment, and what it may grow to
+        between them: a part of length d adds at most d² max|ë| / 8, with ë as it is inside (at an
+        end q̈ may be that of the next piece).
         """
         u = np.linspace(0.0, 1.0, probes + 1)
         length = self.end - self.start
@@ -54,22 +59,30 @@ class Segments:
         c = self.coefficients
         power = np.arange(len(c))
         way = np.einsum("pi,isa->spa", u[:, None] ** power, c)
-        bend = np.einsum("pi,isa->spa", u[:, None] ** np.maximum(power - 2, 0) * power * (power - 1), c)
+        bend = np.einsum(
+            "pi,isa->spa", u[:, None] ** np.maximum(power - 2, 0) * power * (power - 1), c
+        )
         error = abs(self.first[0][:, None] + way - state.q.reshape(shape)).max(1)
-        bend -= state.qdd.reshape(shape) * (length**2)[:, None, None]  # ë times the square of the length
+        bend -= (
+            state.qdd.reshape(shape) * (length**2)[:, None, None]
+        )  # ë times the square of the length
         return np.asarray(error + abs(bend[:, 1:-1]).max(1) / (8 * probes**2))
 
     def backward_way(self, motion: AxesMotion, probes: int) -> Array:
-        """(S, axes) how far a cubic runs back inside its segment where the motion runs one way only, else 0.
+        """(S, axes) how far a cubic runs back inside its segment where the motion runs one way
+        only, else 0.
 
-        q̇(u) = c1 + 2 c2 u + 3 c3 u² is against the way between its roots r1 < r2 if both lie inside: by
+        q̇(u) = c1 + 2 c2 u + 3 c3 u² is against the way between its roots r1 < r2 if both lie
+        inside: by
         |c3| (r2 - r1)³ / 2. Other segments than cubics are not looked at.
         """
         if len(self.first) != 2:
             return np.zeros(self.first.shape[1:])
         u = np.linspace(0.0, 1.0, probes + 1)
         length = self.end - self.start
-        qd = motion.at((self.start[:, None] + length[:, None] * u).ravel()).qd.reshape(len(length), len(u), -1)
+        qd = motion.at((self.start[:, None] + length[:, None] * u).ravel()).qd.reshape(
+            len(length), len(u), -1
+        )
         way = np.sign(qd.sum(1))
         one_way = (qd * way[:, None] >= 0).all(1)
         _, c1, c2, c3 = self.coefficients * way
@@ -81,19 +94,28 @@ class Segments:
 
 @cache
 def _from_ends(rows: int) -> Array:
-    """(2 rows, 2 rows) coefficients by powers of u from value and derivatives at u = 0, and at u = 1."""
+    """(2 rows, 2 rows) coefficients by powers of u from value and derivatives at u = 0, and at u =
+    1.
+    """
     powers = range(2 * rows)
     at_start = [[factorial(i) if i == k else 0 for i in powers] for k in range(rows)]
-    at_end = [[factorial(i) / factorial(i - k) if i >= k else 0 for i in powers] for k in range(rows)]
-    return np.asarray(np.rint(np.linalg.inv(np.array(at_start + at_end, float)) * 2) / 2)  # they are halves
+    at_end = [
+        [factorial(i) / factorial(i - k) if i >= k else 0 for i in powers] for k in range(rows)
+    ]
+    return np.asarray(
+        np.rint(np.linalg.inv(np.array(at_start + at_end, float)) * 2) / 2
+    )  # they are halves
 
 
 TOLERANCE = 0.5  # pulses
 SPACING_SHARE = 0.98  # of the tolerance is for the spacing, the rest for rounding
-MAX_BACKWARD_PULSES = 0.01  # pulses that a segment may run back where the motion does not: rounding makes that much
+MAX_BACKWARD_PULSES = (
+    0.01  # pulses that a segment may run back where the motion does not: rounding makes that much
+)
 REST_SPEED = 1.0  # pulses/s, slower is rest
 REST_ACCELERATION = 1.0  # pulses/s², of what rounding leaves of an axis that stands
-JUMP_SHARE = 0.05  # of an axis' largest acceleration: a quintic makes 0.374 of a jump that it is told of on top
+# of an axis' largest acceleration: a quintic makes 0.374 of a jump that it is told of on top
+JUMP_SHARE = 0.05
 GROUP_PIECES = 8  # pieces of the motion that one segment may span, so that no probe misses a swing
 SEGMENT_PROBES = 8  # parts of a segment that is tried
 MAX_SEGMENT_DURATION = 10.0  # s, so that rounded speeds do not lead astray
@@ -105,7 +127,8 @@ Steps = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Knots:
-    """Whole time steps (K,) from 0 on, of `step` s each; the last is the end of the motion, or the next after it.
+    """Whole time steps (K,) from 0 on, of `step` s each; the last is the end of the motion, or the
+    next after it.
 
     tolerance  pulses, that they were chosen for; None where their spacing was given
     """
@@ -126,7 +149,9 @@ def steps_to_seconds(steps: Steps, step: float) -> Array:
 
 
 def rows_at(motion: AxesMotion, t: Array, rows: int) -> Array:
-    """(rows, N, axes) q, then q̇, then q̈ at instants t (N,); after the end they are as at the end."""
+    """(rows, N, axes) q, then q̇, then q̈ at instants t (N,); after the end they are as at the
+    end.
+    """
     state = motion.at(np.minimum(t, motion.duration))
     return np.stack([state.q, state.qd, state.qdd][:rows])
 
@@ -155,20 +180,24 @@ def choose_knots(
 ) -> Knots:
     """Knots for a consumer that is told `rows` of q, q̇, q̈.
 
-    Segments between knots of the motion are halved, at such a knot where one lies near the middle, until the measured
-    deviation of every axis is within the tolerance (pulses), and no cubic runs back where the motion does not. Who is
-    told more than q has a knot wherever q̈ jumps: across a jump the interpolation bends more than the motion does. With
-    a spacing (s) they are even, whatever error that makes, and the last outlasts the motion.
+    Segments between knots of the motion are halved, at such a knot where one lies near the middle,
+    until the measured deviation of every axis is within the tolerance (pulses), and no cubic runs
+    back where the motion does not. Who is told more than q has a knot wherever q̈ jumps: across a
+    jump the interpolation bends more than the motion does. With a spacing (s) they are even,
+    whatever error that makes, and the last outlasts the motion.
 
     step     s, every knot is a whole number of them
     longest  steps that a segment may last
-    Raises MotionError where the motion lasts no time, or a tolerance or spacing is out of the possible.
+    Raises MotionError where the motion lasts no time, or a tolerance or spacing is out of the
+    possible.
     """
     if tolerance is not None and spacing is not None:
         raise MotionError("tolerance and spacing exclude each other; give one of them")
     end = ceil(motion.duration / step * (1 - 1e-15))
     if end < 1:
-        raise MotionError(f"motion of {motion.duration:.4g} s: there is nothing to export; let the program move")
+        raise MotionError(
+            f"motion of {motion.duration:.4g} s: there is nothing to export; let the program move"
+        )
     if spacing is not None:
         return Knots(_even_steps(end, spacing, step, longest), step, None)
     wanted = TOLERANCE if tolerance is None else tolerance
@@ -191,11 +220,16 @@ class KnotFormat:
     """The options of formats that are told the motion at knots."""
 
     tolerance: float | None = option(
-        None, "largest error of the reader's interpolation, in pulses; sets the spacing. Default 0.5"
+        None,
+        "largest error of the reader's interpolation, in pulses; sets the spacing. Default 0.5",
     )
-    spacing: float | None = option(None, "fixed time between points instead; the resulting error is reported", "s")
+    spacing: float | None = option(
+        None, "fixed time between points instead; the resulting error is reported", "s"
+    )
 
-    def knots(self, source: ExportSource, rows: int, step: float, longest: int | None = None) -> Knots:
+    def knots(
+        self, source: ExportSource, rows: int, step: float, longest: int | None = None
+    ) -> Knots:
         """Those that the options choose (`choose_knots`)."""
         return choose_knots(
             source.counted,
@@ -220,17 +254,20 @@ def _even_steps(end: int, spacing: float, step: float, longest: int | None) -> S
 
 
 def _mark_steps(motion: AxesMotion, step: float, end: int, pulse: Array) -> tuple[Steps, Steps]:
-    """The motion's knots in steps, and those that part the first segments: ends of rests, every GROUP_PIECES-th from
-    there.
+    """The motion's knots in steps, and those that part the first segments: ends of rests, every
+    GROUP_PIECES-th from there.
 
-    The ends of a rest are moved into it, where speeds are 0: a long cubic magnifies what is left of one.
+    The ends of a rest are moved into it, where speeds are 0: a long cubic magnifies what is left of
+    one.
     """
     t = motion.knots
     rest, between = (_is_resting(motion, when, pulse) for when in (t, (t[1:] + t[:-1]) / 2))
     between &= rest[1:] & rest[:-1]
     before, after = np.append(False, between), np.append(between, False)
     exact = t / step
-    steps = np.where(after & ~before, np.ceil(exact), np.where(before & ~after, np.floor(exact), np.rint(exact)))
+    steps = np.where(
+        after & ~before, np.ceil(exact), np.where(before & ~after, np.floor(exact), np.rint(exact))
+    )
     steps = np.where(t < motion.duration, steps, end).astype(np.int64)
     near = (steps == end - 1) & (end > 1)  # a rounded end
     index = np.arange(len(t))
@@ -240,16 +277,25 @@ def _mark_steps(motion: AxesMotion, step: float, end: int, pulse: Array) -> tupl
 
 
 def find_jumps(motion: AxesMotion, axes: tuple[Axis, ...]) -> NDArray[np.bool_]:
-    """(M+1,) the knots where q̈ of an axis jumps by more than JUMP_SHARE of its largest; none at order 3."""
-    sides = [np.stack([motion.at(np.nextafter(t, 0)).qdd, motion.at(t).qdd]) for t in _batches(motion.knots)]
+    """(M+1,) the knots where q̈ of an axis jumps by more than JUMP_SHARE of its largest; none at
+    order 3.
+    """
+    sides = [
+        np.stack([motion.at(np.nextafter(t, 0)).qdd, motion.at(t).qdd])
+        for t in _batches(motion.knots)
+    ]
     before, after = np.concatenate(sides, axis=1)
-    least = np.maximum(JUMP_SHARE * abs(after).max(0), [REST_ACCELERATION * axis.pulse for axis in axes])
+    least = np.maximum(
+        JUMP_SHARE * abs(after).max(0), [REST_ACCELERATION * axis.pulse for axis in axes]
+    )
     return np.asarray((abs(after - before) > least).any(1))
 
 
 def _is_resting(motion: AxesMotion, t: Array, pulse: Array) -> NDArray[np.bool_]:
     """Whether every axis stands at t (N,), a batch at a time."""
-    return np.concatenate([(abs(motion.at(part).qd) <= REST_SPEED * pulse).all(1) for part in _batches(t)])
+    return np.concatenate(
+        [(abs(motion.at(part).qd) <= REST_SPEED * pulse).all(1) for part in _batches(t)]
+    )
 
 
 def _cut_long_segments(starts: Steps, longest: int) -> Steps:
@@ -260,11 +306,19 @@ def _cut_long_segments(starts: Steps, longest: int) -> Steps:
     nth = np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)
     # length · nth // parts, of which the product would overflow: 84 h in ns, cut into 30 000 parts
     each, rest = np.divmod(length, parts)
-    return np.append(starts[which] + each[which] * nth + rest[which] * nth // parts[which], starts[-1])
+    return np.append(
+        starts[which] + each[which] * nth + rest[which] * nth // parts[which], starts[-1]
+    )
 
 
 def _refine_segments(
-    motion: AxesMotion, axes: tuple[Axis, ...], rows: int, step: float, tolerance: float, marks: Steps, group: Steps
+    motion: AxesMotion,
+    axes: tuple[Axis, ...],
+    rows: int,
+    step: float,
+    tolerance: float,
+    marks: Steps,
+    group: Steps,
 ) -> Steps:
     """The ends of the segments into which a row of adjacent ones is halved."""
     pulse = np.array([axis.pulse for axis in axes])
@@ -273,7 +327,14 @@ def _refine_segments(
     while len(left):
         share = np.concatenate(
             [
-                _tolerance_use(motion, rows, steps_to_seconds(lo, step), steps_to_seconds(hi, step), pulse, tolerance)
+                _tolerance_use(
+                    motion,
+                    rows,
+                    steps_to_seconds(lo, step),
+                    steps_to_seconds(hi, step),
+                    pulse,
+                    tolerance,
+                )
                 for lo, hi in zip(_batches(left), _batches(right), strict=True)
             ]
         )
@@ -295,7 +356,9 @@ def _batches(values: NDArray[Any]) -> list[NDArray[Any]]:
     return np.array_split(values, -(-len(values) // (GROUP_BATCH * SEGMENT_PROBES)))
 
 
-def _tolerance_use(motion: AxesMotion, rows: int, start: Array, end: Array, pulse: Array, tolerance: float) -> Array:
+def _tolerance_use(
+    motion: AxesMotion, rows: int, start: Array, end: Array, pulse: Array, tolerance: float
+) -> Array:
     """(S, axes) what segments use of what they may: above 1 one is too long."""
     segments = Segments(start, end, rows_at(motion, start, rows), rows_at(motion, end, rows))
     off = segments.deviation(motion, SEGMENT_PROBES) / (SPACING_SHARE * tolerance)
@@ -304,7 +367,9 @@ def _tolerance_use(motion: AxesMotion, rows: int, start: Array, end: Array, puls
 
 
 def _find_middles(marks: Steps, left: Steps, right: Steps) -> Steps:
-    """Where segments are halved: at the mark nearest the middle if it is in the middle half, else in the middle."""
+    """Where segments are halved: at the mark nearest the middle if it is in the middle half, else
+    in the middle.
+    """
     middle = (left + right) // 2
     after = np.clip(np.searchsorted(marks, middle), 1, len(marks) - 1)
     below, above = marks[after - 1], marks[after]
@@ -328,7 +393,8 @@ def compare(
 ) -> Exported:
     """What the points of a decoded file are from a motion.
 
-    points  in blocks, in order: t (K,) s from the start, and what is stated there (rows, K, axes), m or rad
+    points  in blocks, in order: t (K,) s from the start, and what is stated there (rows, K, axes),
+            m or rad
     Raises MotionError where that is more than the tolerance for which the knots were chosen.
     """
     pulse = np.array([axis.pulse for axis in axes])
@@ -345,7 +411,10 @@ def compare(
             probes = _probes(motion, segments.start, segments.end)
             worst = max(worst, float((segments.deviation(motion, probes) / pulse).max()))
             runs = (segments.backward_way(motion, probes) / pulse).max(1)
-            back, backs = max(back, float(runs.max())), backs + int((runs > 2 * MAX_BACKWARD_PULSES).sum())
+            back, backs = (
+                max(back, float(runs.max())),
+                backs + int((runs > 2 * MAX_BACKWARD_PULSES).sum()),
+            )
     if knots.tolerance is not None and not worst <= knots.tolerance:
         off, most = format_distinct(worst, knots.tolerance, digits=4)
         raise MotionError(
@@ -357,7 +426,9 @@ def compare(
             f"segments that run back where the motion does not, their speeds too high for their way: {backs}, by up to "
             f"{back:.3g} pulses; a smaller spacing mends that",
         )
-    return Exported(worst, f"the motion, {READ[rows]} between the points", (knots.describe(), *notes), moves)
+    return Exported(
+        worst, f"the motion, {READ[rows]} between the points", (knots.describe(), *notes), moves
+    )
 
 
 def _probes(motion: AxesMotion, start: Array, end: Array) -> int:
@@ -368,6 +439,10 @@ def _probes(motion: AxesMotion, start: Array, end: Array) -> int:
 def _parts(motion: AxesMotion, t: Array) -> Iterable[slice]:
     """Runs of segments of which all instants are compared together."""
     first, last = 0, len(t) - 1
-    size = max(1, INSTANT_BATCH // max(CHECK_PROBES, _probes(motion, t[:-1], t[1:]))) if last > 0 else 1
+    size = (
+        max(1, INSTANT_BATCH // max(CHECK_PROBES, _probes(motion, t[:-1], t[1:])))
+        if last > 0
+        else 1
+    )
     for lo in range(first, last, size):
         yield slice(lo, min(lo + size, last))

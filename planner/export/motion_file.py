@@ -3,14 +3,14 @@
 It is a file of `kinematics.files.chunk_file`:
 
     HEAD   JSON: kind "pulsepath motion", schema 1, and the unit of each array
-    PART   JSON: the beginning of a part, if the motion was planned in parts: begin (s) and length (m)
-           from the start of the whole; step: its first piece of the whole path, steps: their number;
-           near: coordinates (m or rad) of the axes near which it begins. After it, time, path length
-           and path pieces count from this beginning.
-    MOTN   uint64 pieces n, at most 2¹⁴; deflated (zlib, RFC 1950): the bytes of 6n + 1 numbers, first
-           the lowest byte of all, then the next, up to the eighth. The numbers are float64
-           (little-endian): n + 1 knots, of which the first is the last of the chunk before, and n s,
-           n v, n a, n j as in `Trajectory`; then int64: n indices of path pieces
+    PART   JSON: the beginning of a part, if the motion was planned in parts: begin (s) and length
+           (m) from the start of the whole; step: its first piece of the whole path, steps: their
+           number; near: coordinates (m or rad) of the axes near which it begins. After it, time,
+           path length and path pieces count from this beginning.
+    MOTN   uint64 pieces n, at most 2¹⁴; deflated (zlib, RFC 1950): the bytes of 6n + 1 numbers,
+           first the lowest byte of all, then the next, up to the eighth. The numbers are float64
+           (little-endian): n + 1 knots, of which the first is the last of the chunk before, and n
+           s, n v, n a, n j as in `Trajectory`; then int64: n indices of path pieces
     MARK   JSON: complete (true), duration (s), pieces (their number)
 
 A motion that was planned as a whole has no PART.
@@ -186,7 +186,9 @@ def motion_parts(path: Path) -> Iterator[PieceBatch]:
         end = replace(end, pieces=end.pieces + len(columns[0]), knot=float(knots[-1]))
         yield PieceBatch(end.head, knots, columns)
     if (end.pieces, end.duration) != (chunks.mark.get("pieces"), chunks.mark.get("duration")):
-        raise _refusal(path, f"holds {end.pieces} pieces up to {end.duration} s, and says otherwise")
+        raise _refusal(
+            path, f"holds {end.pieces} pieces up to {end.duration} s, and says otherwise"
+        )
 
 
 def read_duration(path: Path) -> float:
@@ -248,7 +250,9 @@ def read_motion(path: Path, along: ActuatorPath) -> Trajectory:
         before += Fraction(float(part.knots[-1]))
         end = float(before)
         shift = float(along.breaks[first]) if first else 0.0
-        for column, values, by in zip(columns, part.columns, (shift, 0.0, 0.0, 0.0, first), strict=True):
+        for column, values, by in zip(
+            columns, part.columns, (shift, 0.0, 0.0, 0.0, first), strict=True
+        ):
             column.append(values + by if by else values)
     if not knots:
         raise _refusal(path, "holds no motion")
@@ -257,8 +261,11 @@ def read_motion(path: Path, along: ActuatorPath) -> Trajectory:
     return Trajectory(along, np.append(np.concatenate(knots), end), s, v, a, j, piece)
 
 
-def read_parts(path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None) -> Trajectory:
-    """Read the trajectory in a file that was planned in parts, along as much of the path as they cover.
+def read_parts(
+    path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None
+) -> Trajectory:
+    """Read the trajectory in a file that was planned in parts, along as much of the path as they
+    cover.
 
     steps: of the whole path, from its start on. Raises as `read_motion`.
     """
@@ -279,7 +286,9 @@ def read_parts(path: Path, steps: Iterator[PathStep], machine: Machine, tool: Po
     return read_motion(path, along)
 
 
-def _draw_path(machine: Machine, steps: Sequence[PathStep], tool: Pose | None, **of: Any) -> MachinePath:
+def _draw_path(
+    machine: Machine, steps: Sequence[PathStep], tool: Pose | None, **of: Any
+) -> MachinePath:
     """Return the path along steps, with rests at both ends; of: further fields of the path."""
     stops = np.array([1, *(step.stop for step in steps[:-1]), 1])
     dwells = np.array([steps[0].wait, *(step.dwell for step in steps)])
@@ -324,7 +333,8 @@ def follow_motion(
         if head is None:
             ahead = list(steps)
             head = PartHead(0.0, 0.0, 0, len(ahead))
-        first = after  # step of the path after the previous part; a stop continues on the path of that part
+        # step of the path after the previous part; a stop continues on the path of that part
+        first = after
         if head.step not in (skipped, first):
             raise _refusal(
                 path,
@@ -375,7 +385,9 @@ def follow_motion(
 
 
 def _check_seam(one: Trajectory, other: Trajectory, path: Path) -> None:
-    """Raise FileError unless a part begins where the previous one ended, at the same speed of each axis."""
+    """Raise FileError unless a part begins where the previous one ended, at the same speed of each
+    axis.
+    """
     end = one.within(np.array([len(one.s) - 1]), np.diff(one.knots)[-1:])
     start = other.within(np.array([0]), np.zeros(1))
     both = [each.within(np.arange(len(each.s)), np.zeros(len(each.s))) for each in (one, other)]
@@ -393,7 +405,10 @@ def _check_seam(one: Trajectory, other: Trajectory, path: Path) -> None:
 
 
 def _check_numbers(part: PieceBatch, path: Path) -> None:
-    if not np.isfinite(np.concatenate([part.knots, *part.columns[:4]])).all() or (np.diff(part.knots) < 0).any():
+    if (
+        not np.isfinite(np.concatenate([part.knots, *part.columns[:4]])).all()
+        or (np.diff(part.knots) < 0).any()
+    ):
         raise FileError(str(path), [Fault("", "its pieces do not make a motion: plan it again")])
 
 
@@ -413,7 +428,9 @@ def _encode(motion: Trajectory, first: int, last: int) -> bytes:
         *(getattr(motion, name)[first:last] for name in PIECES[:4]),
     ]
     pieces = np.asarray(motion.piece[first:last], "<i8")
-    words = np.frombuffer(np.concatenate(numbers).astype("<f8").tobytes() + pieces.tobytes(), np.uint8)
+    words = np.frombuffer(
+        np.concatenate(numbers).astype("<f8").tobytes() + pieces.tobytes(), np.uint8
+    )
     return COUNT.pack(last - first) + compress(words.reshape(-1, 8).T.tobytes(), LEVEL)
 
 
@@ -438,7 +455,9 @@ def _decode(contents: bytes, chunk: Chunk, path: Path, left: int) -> tuple[Array
     numbers = words[: 8 * (5 * count + 1)].view("<f8").astype(float)
     piece = words[8 * (5 * count + 1) :].view("<i8").astype(int)
     if not np.isfinite(numbers).all():
-        raise _chunk_error(path, chunk, ValueError("numbers that are not finite do not make a motion"))
+        raise _chunk_error(
+            path, chunk, ValueError("numbers that are not finite do not make a motion")
+        )
     return numbers[: count + 1], [*np.split(numbers[count + 1 :], 4), piece]
 
 

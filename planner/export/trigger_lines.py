@@ -31,10 +31,13 @@ def describe_lost(triggers: Sequence[Triggered]) -> tuple[str, ...]:
     for event in triggers:
         names.setdefault(event.name, []).append(event.time)
     listed = [
-        f"{describe_value(name)} at {times[0]:.6f} s" + (f" and {len(times) - 1} more times" if times[1:] else "")
+        f"{describe_value(name)} at {times[0]:.6f} s"
+        + (f" and {len(times) - 1} more times" if times[1:] else "")
         for name, times in list(names.items())[:MAX_NAMES]
     ]
-    more = f", and {count_noun(len(names) - MAX_NAMES, 'more name')}" if len(names) > MAX_NAMES else ""
+    more = (
+        f", and {count_noun(len(names) - MAX_NAMES, 'more name')}" if len(names) > MAX_NAMES else ""
+    )
     return (f"WARNING: the file does not hold the program's triggers: {', '.join(listed)}{more}",)
 
 
@@ -55,7 +58,9 @@ class TriggerLine:
         return np.stack([rising, rising + np.clip(gaps // 2, 1, high)], 1).ravel()
 
 
-def list_lines(triggers: Sequence[Triggered], pulses: PulseSchedule, most: int = MAX_LINES) -> tuple[TriggerLine, ...]:
+def list_lines(
+    triggers: Sequence[Triggered], pulses: PulseSchedule, most: int = MAX_LINES
+) -> tuple[TriggerLine, ...]:
     """Return a line for each name, in the order of time; one for all if there are more than `most`.
 
     Triggers of one line in one tick are one edge.
@@ -78,7 +83,9 @@ def describe_lines(triggers: Sequence[Triggered], lines: Sequence[TriggerLine]) 
     edges = sum(len(line.ticks) for line in lines)
     lost = len(triggers) - edges
     shared = f"; {lost} share the edge of another" if lost else ""
-    return (f"triggers: {count_noun(edges, 'rising edge')} on {count_noun(len(lines), 'line')}{shared}",)
+    return (
+        f"triggers: {count_noun(edges, 'rising edge')} on {count_noun(len(lines), 'line')}{shared}",
+    )
 
 
 def join_lines(rows: Rows, lines: Sequence[TriggerLine], high: int) -> Rows:

@@ -208,7 +208,9 @@ def _prove_shaped(
     """
     certificate = certify(motion, [limit for limit in limits if limit.convex])
     if not certificate.holds:
-        raise MotionError(f"the motion into the section is not proved; choose another instant:\n{certificate}")
+        raise MotionError(
+            f"the motion into the section is not proved; choose another instant:\n{certificate}"
+        )
     shaped = ShapedMotion.of(motion, copies)
     return prove_shaped(shaped, motion, whole.machine.axes, limits, certificate, since=since)
 

@@ -74,7 +74,9 @@ def find_ramps(
             break
         path = whole.draw(now, until, target(until))
         limits = whole.limits(path)
-        solve = partial(certified_solve, path, limits, whole.order, settings=Settings(continuation=continuation))
+        solve = partial(
+            certified_solve, path, limits, whole.order, settings=Settings(continuation=continuation)
+        )
         solution = attempt(solve)
         if not isinstance(solution, MotionError):
             yield ProvedMotion(path, limits, solution.trajectory, solution.certificate, now.s)

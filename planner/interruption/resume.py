@@ -49,7 +49,9 @@ def resume(whole: Whole, stop: Section | float, share: float | None = None) -> S
         return make_section(whole, "resume", _solve_fastest(whole, here), sent)
     share = 1.0 if share is None else share
     if not 0 < share <= 1:
-        raise MotionError(f"resume at {share} of the plan's speed: must be above 0 and at most 1; give a share, as 0.5")
+        raise MotionError(
+            f"resume at {share} of the plan's speed: must be above 0 and at most 1; give a share, as 0.5"
+        )
     return make_section(whole, "resume", _shape(whole, _take_up_plan(whole, here, share)), sent)
 
 
@@ -63,9 +65,13 @@ def _find_begin(whole: Whole, stop: Section | float) -> tuple[float, Sent]:
         since = stop
         sent = Sent.before(whole, stop)
     if since == length:
-        raise MotionError(f"resume from {since:g} m: the path ends there, so there is nothing to resume")
+        raise MotionError(
+            f"resume from {since:g} m: the path ends there, so there is nothing to resume"
+        )
     if not 0 <= since < length:
-        raise MotionError(f"resume from {since:g} m: the path goes from 0 to {length:.6g} m; give a place on it")
+        raise MotionError(
+            f"resume from {since:g} m: the path goes from 0 to {length:.6g} m; give a place on it"
+        )
     return since, sent
 
 

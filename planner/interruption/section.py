@@ -67,7 +67,9 @@ class Whole:
         return self.trajectory.duration + shaper_length(self.machine.axes)
 
     def limits(self, path: MachinePath) -> tuple[Limit, ...]:
-        """Return the limits of a part of the path, with pulse rates of the plan's clock and rule."""
+        """Return the limits of a part of the path, with pulse rates of the plan's clock and
+        rule.
+        """
         rule = find_rule(self.pulses.rule)
         paced = pace_axes(self.machine.axes, self.pulses.clock_hz, rule)
         return limits_of(path, paced, self.order, self.own_limits)
@@ -83,8 +85,8 @@ class Whole:
         """Return the part of the path from the state at an instant to a place (m).
 
         A part that begins in motion has no dwells at its ends. One that begins at rest has those of
-        the program. The part need not keep the constant speeds that segments require. Its certificate
-        counts time from the instant.
+        the program. The part need not keep the constant speeds that segments require. Its
+        certificate counts time from the instant.
 
         ends        ṡ and s̈ at the end
         rests       s for which the first dwell still lasts; None: its full time

@@ -45,7 +45,11 @@ class Acceleration(AxisLimit):
         return motion.qdd
 
     def rows(self, points: Points) -> Rows:
-        return Rows({Term.SDD: points.derivatives[1], Term.SD2: points.derivatives[2]}, self.bounds, self.below)
+        return Rows(
+            {Term.SDD: points.derivatives[1], Term.SD2: points.derivatives[2]},
+            self.bounds,
+            self.below,
+        )
 
 
 class Jerk(AxisLimit):
@@ -65,7 +69,8 @@ class Jerk(AxisLimit):
 class PulseRate(AxisLimit):
     """A speed in pulses: what the axis' drive or card takes.
 
-    r = max 1/(1 + slope) of a lead error that is made up for, else 1: behind such a screw the motor runs ahead.
+    r = max 1/(1 + slope) of a lead error that is made up for, else 1: behind such a screw the motor
+    runs ahead.
     """
 
     name, dimension, by_axis, convex = "pulse rate", "/s", True, True

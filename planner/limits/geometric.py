@@ -1,7 +1,7 @@
 """Limits of the place alone: travel, room, tilt and clearance.
 
-lo ≤ q − home ≤ hi of every axis; lo ≤ x, y, z ≤ hi of the platform; the angle of every joint to its rest axis ≤ its
-limit; and no two of the machine's bodies overlap.
+lo ≤ q − home ≤ hi of every axis; lo ≤ x, y, z ≤ hi of the platform; the angle of every joint to its
+rest axis ≤ its limit; and no two of the machine's bodies overlap.
 """
 
 from collections.abc import Hashable, Sequence
@@ -30,7 +30,13 @@ class Travel(AxisLimit):
 
     @property
     def content(self) -> Hashable:
-        return self.name, self.channels, self.middle.tobytes(), self.below.tobytes(), self.bounds.tobytes()
+        return (
+            self.name,
+            self.channels,
+            self.middle.tobytes(),
+            self.below.tobytes(),
+            self.bounds.tobytes(),
+        )
 
     def value(self, motion: LimitState) -> Quantity:
         return motion.q - self.middle
@@ -69,7 +75,9 @@ class Room(Limit):
 
 
 class Tilt(Limit):
-    """The value is the cosine of the angle, which is smooth where the angle is not (at the rest axis)."""
+    """The value is the cosine of the angle, which is smooth where the angle is not (at the rest
+    axis).
+    """
 
     name = "tilt"
 
@@ -98,10 +106,12 @@ class Tilt(Limit):
 
 
 class Clearance(Limit):
-    """One channel per pair: a leg and another, or a leg and a platform's disc; a machine without bodies has none.
+    """One channel per pair: a leg and another, or a leg and a platform's disc; a machine without
+    bodies has none.
 
-    The value is the distance of the pair's axes (of axis and disc), its use contact / distance as in `Margins`: 1 where
-    the bodies touch. Told is how far apart their surfaces are, held against 0; below it they overlap.
+    The value is the distance of the pair's axes (of axis and disc), its use contact / distance as
+    in `Margins`: 1 where the bodies touch. Told is how far apart their surfaces are, held against
+    0; below it they overlap.
     """
 
     name, relief = "clearance", "keeps {} more"
@@ -125,7 +135,9 @@ class Clearance(Limit):
         return clearance_use(low - self.bounds, self.bounds)
 
     def tight(self, met: Array) -> Array:
-        """Distances have no smooth bound: a thousandth of the contact is near enough, and less where they overlap."""
+        """Distances have no smooth bound: a thousandth of the contact is near enough, and less
+        where they overlap.
+        """
         return np.where(met > 1, 0.05 * met, 1e-3)
 
     def report_value(self, value: float, channel: int, piece: int) -> tuple[float, float]:

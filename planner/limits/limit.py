@@ -18,7 +18,9 @@ from planner.limits.lowered import ALL, Shares
 from planner.path.actuation import Points
 
 MAX_OVERESTIMATE = 5e-7
-"""How far above the largest use that is met its proven bound may stay, where a limit does not say otherwise."""
+"""How far above the largest use that is met its proven bound may stay, where a limit does not say
+otherwise.
+"""
 Quantity = Any
 """An array (N, m), or a guaranteed `Series` of N cells: the same formula computes both."""
 
@@ -42,11 +44,12 @@ class Term(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """−below ≤ Σ coefficient · term ≤ bound at N grid points: each (N, m); below None: the same as bound, which is
-    broadcast; a bound of ∞ says that a channel is free.
+    """−below ≤ Σ coefficient · term ≤ bound at N grid points: each (N, m); below None: the same as
+    bound, which is broadcast; a bound of ∞ says that a channel is free.
 
-    speed_range  least and largest ṡ, each (N, m), at which a row of a limit that is not convex counts. All rows that
-                 count at one ṡ keep the limit at every ṡ, with no loss at that one.
+    speed_range  least and largest ṡ, each (N, m), at which a row of a limit that is not convex
+                 counts. All rows that count at one ṡ keep the limit at every ṡ, with no loss at
+                 that one.
     convex_part  rows that every motion within such a limit keeps, at every ṡ
     """
 
@@ -91,7 +94,8 @@ class LimitState(Protocol):
     def pose_rate(self, times: int) -> Quantity:
         """Return a derivative (N, 12) of the pose's numbers by time, of order 0, 1, 2 or 3.
 
-        x, y, z in the base frame, m, and the rotation matrix row by row. Raises MotionError for another order.
+        x, y, z in the base frame, m, and the rotation matrix row by row. Raises MotionError for
+        another order.
         """
 
     def distances(self, bodies: Bodies) -> Quantity:
@@ -107,7 +111,8 @@ class LimitState(Protocol):
 class Limit(ABC):
     """One kind of limit on m channels (axes, joints, or the tool).
 
-    A new kind is one file with `value`, `use` and, unless it depends on the pose alone, `rows`, and one registry line.
+    A new kind is one file with `value`, `use` and, unless it depends on the pose alone, `rows`, and
+    one registry line.
     """
 
     name: ClassVar[str]
@@ -116,17 +121,23 @@ class Limit(ABC):
     relief: ClassVar[str] = "uses {} less"
     """What a path must do that breaks it by so much."""
     by_axis: ClassVar[bool] = False
-    """Whether its value is one derivative of each axis, times a number: then its channels are looked at one by one."""
+    """Whether its value is one derivative of each axis, times a number: then its channels are
+    looked at one by one.
+    """
     convex: ClassVar[bool] = False
-    """Whether it keeps one coordinate's value or rate within bounds that are the same all along: then a weighed mean of
-    motions that keep it keeps it."""
+    """Whether it keeps one coordinate's value or rate within bounds that are the same all along:
+    then a weighed mean of motions that keep it keeps it.
+    """
     channels: tuple[str, ...]
     bounds: Array
     """(m,) SI; ∞ where a channel is free."""
     units: tuple[tuple[str, float], ...]
     """Per channel, the unit that people read and how many of it are one SI unit."""
     shares: Shares = ALL
-    """How much of it is planned with along the path: what the solvers keep. The certificate judges by all of it."""
+    """How much of it is planned with along the path: what the solvers keep.
+
+    The certificate judges by all of it.
+    """
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {len(self.channels)}>"
@@ -138,7 +149,9 @@ class Limit(ABC):
 
     @property
     def content(self) -> Hashable:
-        """What decides its value and its use of it: geometric limits of equal content bound the same."""
+        """What decides its value and its use of it: geometric limits of equal content bound the
+        same.
+        """
         return self
 
     @property
@@ -146,8 +159,14 @@ class Limit(ABC):
         return not self.terms
 
     def slowness(self, use: float) -> float:
-        """How many times slower a motion must run that uses so much of this limit; 1 where it keeps it already."""
-        return 1.0 if self.geometric else max(1.0, use) ** (1 / max(1, min(term.per_time for term in self.terms)))
+        """How many times slower a motion must run that uses so much of this limit; 1 where it keeps
+        it already.
+        """
+        return (
+            1.0
+            if self.geometric
+            else max(1.0, use) ** (1 / max(1, min(term.per_time for term in self.terms)))
+        )
 
     def remedy(self, over: float, unit: str) -> str:
         """What to say where it is geometric and exceeded by so much."""
@@ -155,11 +174,15 @@ class Limit(ABC):
 
     @abstractmethod
     def value(self, motion: LimitState) -> Quantity:
-        """The physical quantity (N, m); all that the certificate sees of the limit, beside `use`."""
+        """The physical quantity (N, m); all that the certificate sees of the limit, beside
+        `use`.
+        """
 
     @abstractmethod
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
-        """Share of the limit (N, m) that values between low and high use at most; 1 is at the limit."""
+        """Share of the limit (N, m) that values between low and high use at most; 1 is at the
+        limit.
+        """
 
     def use_at(self, state: LimitState) -> Array:
         """Return the share of the limit (N, m) that N states use."""
@@ -171,16 +194,21 @@ class Limit(ABC):
         return MAX_OVERESTIMATE
 
     def report_value(self, value: float, channel: int, piece: int) -> tuple[float, float]:
-        """A value as people say it and the limit that it is held against on a piece of the path, SI."""
+        """A value as people say it and the limit that it is held against on a piece of the path,
+        SI.
+        """
         return abs(value), float(self.bounds[channel])
 
     def scale(self, factor: float, channel: int | None = None) -> Self:
-        """The same limit with the bounds of a channel, or of all, so many times as large, in both directions.
+        """The same limit with the bounds of a channel, or of all, so many times as large, in both
+        directions.
 
         Raises MotionError where it is no matter of one number.
         """
         if self.geometric:
-            raise MotionError(f"{self.name} does not depend on timing: changing it saves no time along the same path")
+            raise MotionError(
+                f"{self.name} does not depend on timing: changing it saves no time along the same path"
+            )
         changed = copy(self)
         factors = np.ones(len(self.bounds))
         factors[channel if channel is not None else slice(None)] = factor
@@ -196,7 +224,9 @@ class Limit(ABC):
         raise MotionError(f"{self.name} is geometric: it puts no row into a timing problem")
 
     def lower(self, shares: Shares) -> Self:
-        """The same limit, of which solvers use such shares along the path; `value` and `use` stay as they are."""
+        """The same limit, of which solvers use such shares along the path; `value` and `use` stay
+        as they are.
+        """
         changed = copy(self)
         changed.shares = shares
         return changed
@@ -220,7 +250,9 @@ class AxisLimit(Limit):
 
     def __init__(self, axes: Sequence[Axis], bounds: Sequence[Magnitude | None]) -> None:
         self.channels = tuple(axis.name for axis in axes)
-        self.below, self.bounds = (freeze_array(side) for side in zip(*map(directional_bounds, bounds), strict=True))
+        self.below, self.bounds = (
+            freeze_array(side) for side in zip(*map(directional_bounds, bounds), strict=True)
+        )
         self.units = tuple(_UNITS[axis.kind](self.dimension) for axis in axes)
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
@@ -230,7 +262,10 @@ class AxisLimit(Limit):
         return abs(value), float((self.bounds if value > 0 else self.below)[channel])
 
     def _scale(self, factors: Array) -> None:
-        self.bounds, self.below = freeze_array(self.bounds * factors), freeze_array(self.below * factors)
+        self.bounds, self.below = (
+            freeze_array(self.bounds * factors),
+            freeze_array(self.below * factors),
+        )
 
 
 _UNITS: dict[str, Callable[[str], tuple[str, float]]] = {

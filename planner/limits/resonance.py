@@ -1,4 +1,6 @@
-"""Resonance of a stepper axis: bands of speed to keep below, or to cross within a stated time [Sasidhar 1981]."""
+"""Resonance of a stepper axis: bands of speed to keep below, or to cross within a stated time
+[Sasidhar 1981].
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +29,9 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class SpeedCap:
-    """|q̇| < low of a band, by a share, from s = first to last, where the fastest motion stayed in the band too long."""
+    """|q̇| < low of a band, by a share, from s = first to last, where the fastest motion stayed in
+    the band too long.
+    """
 
     band: Band
     first: float
@@ -36,18 +40,22 @@ class SpeedCap:
 
 
 class Resonance(AxisLimit):
-    """An axis that states no time keeps |q̇| ≤ the lower edge of its first band: starting from rest, it stays below.
+    """An axis that states no time keeps |q̇| ≤ the lower edge of its first band: starting from
+    rest, it stays below.
 
     One that does may cross: `bands` are proved by how long each stay in them lasts
-    (planner.certificate.resonance_dwell), which no value at an instant tells. Where the fastest motion stays too long,
-    the axis is `held` below the band.
+    (planner.certificate.resonance_dwell), which no value at an instant tells. Where the fastest
+    motion stays too long, the axis is `held` below the band.
     """
 
     name, dimension, convex = "resonance", "/s", True
     terms = frozenset({Term.SD})
 
     def __init__(self, axes: Sequence[Axis], held: Sequence[SpeedCap] = ()) -> None:
-        below = [axis.resonance[0][0] if axis.resonance and axis.resonance_time is None else None for axis in axes]
+        below = [
+            axis.resonance[0][0] if axis.resonance and axis.resonance_time is None else None
+            for axis in axes
+        ]
         super().__init__(axes, below)
         self.axes, self.held = tuple(axes), tuple(held)
         self.bands = tuple(
@@ -79,11 +87,15 @@ class Resonance(AxisLimit):
         return motion.qd
 
     def _scale(self, factors: Array) -> None:
-        raise MotionError(f"{self.name} is a band, which no one number scales: state another in the machine's file")
+        raise MotionError(
+            f"{self.name} is a band, which no one number scales: state another in the machine's file"
+        )
 
     def rows(self, points: Points) -> Rows:
         bound: Array = np.tile(self.bounds, (len(points.s), 1))
         for each in self.held:
             inside = (points.s >= each.first) & (points.s <= each.last)
-            bound[inside, each.band.axis] = np.minimum(bound[inside, each.band.axis], each.band.low * (1 - each.share))
+            bound[inside, each.band.axis] = np.minimum(
+                bound[inside, each.band.axis], each.band.low * (1 - each.share)
+            )
         return Rows({Term.SD: points.derivatives[1]}, bound)

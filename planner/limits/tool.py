@@ -1,7 +1,7 @@
 """Limits of the tool, where the program caps it: ‖ṗ‖, ‖p̈‖, ‖p⃛‖ or ‖ω‖ ≤ cap of the piece.
 
-All are the norm of a vector that a program caps segment by segment: the tool's speed, acceleration and jerk, and the
-platform's angular speed.
+All are the norm of a vector that a program caps segment by segment: the tool's speed, acceleration
+and jerk, and the platform's angular speed.
 """
 
 from collections.abc import Iterable
@@ -16,7 +16,10 @@ from planner.path.actuation import MachinePath, Points, make_points
 
 
 class ToolLimit(Limit):
-    """One channel. The certificate bounds the square of the norm, which is smooth where the norm is zero."""
+    """One channel.
+
+    The certificate bounds the square of the norm, which is smooth where the norm is zero.
+    """
 
     unit: ClassVar[tuple[str, float]]
     channels = ("tool",)
@@ -33,7 +36,10 @@ class ToolLimit(Limit):
         return float(np.sqrt(max(value, 0.0))), float(self.caps[piece])
 
     def _scale(self, factors: Array) -> None:
-        self.caps, self.bounds = freeze_array(self.caps * factors[0]), freeze_array(self.bounds * factors)
+        self.caps, self.bounds = (
+            freeze_array(self.caps * factors[0]),
+            freeze_array(self.bounds * factors),
+        )
 
 
 def squared_norm(rates: Quantity, columns: Iterable[int]) -> Quantity:
@@ -56,23 +62,30 @@ class ToolSpeed(ToolLimit):
         return Rows({Term.SD: along}, self.caps[points.piece][:, None])
 
 
-# Facets over the half turn from pushing to braking; an even number, so that pushing and pure bending meet corners.
+# Facets over the half turn from pushing to braking; an even number, so that pushing and pure
+# bending meet corners.
 FACETS = 32
 
 
 def _facet_normals() -> tuple[Array, Array, float]:
-    """Cosines and sines (FACETS,) of the facets' normals, and their distance from the centre of the unit circle."""
+    """Cosines and sines (FACETS,) of the facets' normals, and their distance from the centre of the
+    unit circle.
+    """
     angles = (np.arange(FACETS) + 0.5) * np.pi / FACETS
-    return freeze_array(np.cos(angles)), freeze_array(np.sin(angles)), float(np.cos(np.pi / (2 * FACETS)))
+    return (
+        freeze_array(np.cos(angles)),
+        freeze_array(np.sin(angles)),
+        float(np.cos(np.pi / (2 * FACETS))),
+    )
 
 
 class ToolAcceleration(ToolLimit):
     """p̈ = p′ s̈ + p″ ṡ² of the platform's origin: in the plane of p′ and p″, a circle of radius a.
 
-    The solvers' rows are the facets of a polygon inscribed in it: with e₁ along p′ and e₂ across, for each normal
-    (cos θ, sin θ), |cos θ ‖p′‖ s̈ + (cos θ p″·e₁ + sin θ p″·e₂) ṡ²| ≤ a cos(π/2n) with n facets over the half turn.
-    Nothing is lost where the tool only gains speed or only bends, elsewhere at most 1 − cos(π/64) = 0.12 % of a, so
-    0.06 % of time.
+    The solvers' rows are the facets of a polygon inscribed in it: with e₁ along p′ and e₂ across,
+    for each normal (cos θ, sin θ), |cos θ ‖p′‖ s̈ + (cos θ p″·e₁ + sin θ p″·e₂) ṡ²| ≤ a cos(π/2n)
+    with n facets over the half turn. Nothing is lost where the tool only gains speed or only bends,
+    elsewhere at most 1 − cos(π/64) = 0.12 % of a, so 0.06 % of time.
     """
 
     name, unit = "tool acceleration", ("mm/s²", 1e3)
@@ -88,7 +101,10 @@ class ToolAcceleration(ToolLimit):
         push = (p2 * along).sum(1, keepdims=True)
         bend = np.linalg.norm(p2 - push * along, axis=1, keepdims=True)
         cosine, sine, near = _facet_normals()
-        return Rows({Term.SDD: cosine * size, Term.SD2: cosine * push + sine * bend}, self._caps(points) * near)
+        return Rows(
+            {Term.SDD: cosine * size, Term.SD2: cosine * push + sine * bend},
+            self._caps(points) * near,
+        )
 
     def _caps(self, points: Points) -> Array:
         return np.repeat(self.caps[points.piece][:, None], FACETS, 1)
@@ -100,10 +116,12 @@ SPHERE_FACETS = 96
 
 @cache
 def _sphere_normals() -> tuple[Array, float]:
-    """Normals (SPHERE_FACETS, 3) over a half sphere, and the distance of their planes that keeps all of it inside 1.
+    """Normals (SPHERE_FACETS, 3) over a half sphere, and the distance of their planes that keeps
+    all of it inside 1.
 
-    They lie on a spiral of equal areas. The distance is the cosine of the largest angle between any direction and the
-    nearest normal, at which the corners of the polyhedron lie: those of its dual, the normals' convex hull.
+    They lie on a spiral of equal areas. The distance is the cosine of the largest angle between any
+    direction and the nearest normal, at which the corners of the polyhedron lie: those of its dual,
+    the normals' convex hull.
     """
     from scipy.spatial import ConvexHull
 
@@ -118,16 +136,19 @@ def _sphere_normals() -> tuple[Array, float]:
 class ToolJerk(ToolLimit):
     """p⃛ = p′ s⃛ + 3 p″ ṡs̈ + p‴ ṡ³ of the tool: a ball of radius j.
 
-    The solvers' rows are facets of a polyhedron inside it, in the frame of e₁ along p′, e₂ across in the plane of p″
-    and e₃. Along a line there is no loss and on a plane curve at most 0.12 % of j, by a polygon as that of the
-    acceleration; in space at most what `_sphere_normals` leaves, 2.3 %, which is 0.8 % of time.
+    The solvers' rows are facets of a polyhedron inside it, in the frame of e₁ along p′, e₂ across
+    in the plane of p″ and e₃. Along a line there is no loss and on a plane curve at most 0.12 % of
+    j, by a polygon as that of the acceleration; in space at most what `_sphere_normals` leaves, 2.3
+    %, which is 0.8 % of time.
     """
 
     name, unit = "tool jerk", ("mm/s³", 1e3)
     terms = frozenset({Term.SDDD, Term.SDSDD, Term.SD3})
 
     def __init__(self, caps: Iterable[float | None], *, flat: bool = False) -> None:
-        """flat: every piece of the path lies in a plane (`lies_in_planes`), so that a polygon serves."""
+        """flat: every piece of the path lies in a plane (`lies_in_planes`), so that a polygon
+        serves.
+        """
         super().__init__(caps)
         cosine, sine, distance = _facet_normals()
         normals: Array = np.stack([cosine, sine, np.zeros(FACETS)], 1)
@@ -163,7 +184,9 @@ def _follow_frame(points: Points) -> tuple[list[Array], list[Array]]:
 
 
 def lies_in_planes(path: MachinePath) -> bool:
-    """Return whether p‴ of the tool is in the plane of p′ and p″ at places of every piece: arcs and lines are so."""
+    """Return whether p‴ of the tool is in the plane of p′ and p″ at places of every piece: arcs and
+    lines are so.
+    """
     piece = np.repeat(np.arange(len(path.pieces)), len(PLACES))
     s = (path.breaks[:-1, None] + np.diff(path.breaks)[:, None] * PLACES).ravel()
     frame, (_, _, p3) = _follow_frame(make_points(path, s, piece, 3))
@@ -204,5 +227,7 @@ class AngularSpeed(ToolLimit):
         return squared_norm(motion.pose_rate(1), range(3, 12)) * 0.5
 
     def rows(self, points: Points) -> Rows:
-        along = np.linalg.norm(points.pose_derivatives[1][:, 3:], axis=1, keepdims=True) / np.sqrt(2)
+        along = np.linalg.norm(points.pose_derivatives[1][:, 3:], axis=1, keepdims=True) / np.sqrt(
+            2
+        )
         return Rows({Term.SD: along}, self.caps[points.piece][:, None])

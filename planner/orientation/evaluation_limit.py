@@ -10,10 +10,11 @@ from kinematics.files.atomic_files import HeldSignals, defer_signals
 
 
 class EvaluationLimit(ca.Callback):
-    """A zero to add to a constraint: after `most` evaluations, or a Ctrl-C, it is NaN, and the solver gives up.
+    """A zero to add to a constraint: after `most` evaluations, or a Ctrl-C, it is NaN, and the
+    solver gives up.
 
-    The solver must take no step for too short (FATROP: alpha_min_frac = 0): else it begins its restoration, and there a
-    matrix that is not a number keeps it for ever.
+    The solver must take no step for too short (FATROP: alpha_min_frac = 0): else it begins its
+    restoration, and there a matrix that is not a number keeps it for ever.
     """
 
     def __init__(self, most: int) -> None:
@@ -42,9 +43,18 @@ class EvaluationLimit(ca.Callback):
         return True
 
     def get_jacobian(
-        self, name: str, names_in: Sequence[str], names_out: Sequence[str], options: Mapping[str, Any]
+        self,
+        name: str,
+        names_in: Sequence[str],
+        names_out: Sequence[str],
+        options: Mapping[str, Any],
     ) -> ca.Function:
         """Zero, and known to be: an empty matrix."""
         return ca.Function(
-            name, [ca.MX.sym("x"), ca.MX.sym("out")], [ca.MX(1, 1)], list(names_in), list(names_out), options
+            name,
+            [ca.MX.sym("x"), ca.MX.sym("out")],
+            [ca.MX(1, 1)],
+            list(names_in),
+            list(names_out),
+            options,
         )

@@ -1,8 +1,9 @@
-"""Orientation where a program leaves it free: chosen for time, for small tilts, or to make a path feasible at all.
+"""Orientation where a program leaves it free: chosen for time, for small tilts, or to make a path
+feasible at all.
 
-What is chosen (planner.orientation.nlp) is an estimate at order 2. For time, both that and the program as it says, or
-else what is merely feasible, are really planned, and the faster is kept: stretch by stretch, where the motion rests
-between.
+What is chosen (planner.orientation.nlp) is an estimate at order 2. For time, both that and the
+program as it says, or else what is merely feasible, are really planned, and the faster is kept:
+stretch by stretch, where the motion rests between.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,20 +34,25 @@ Choice = Mapping[int, Array]
 
 @check_arguments()
 def orient(
-    program: ProgramSource, machine: MachineSource, objective: Objective = "time", order: int | None = None
+    program: ProgramSource,
+    machine: MachineSource,
+    objective: Objective = "time",
+    order: int | None = None,
 ) -> Program:
     """Choose the orientation of a program's free segments.
 
-    Neighbouring free segments are chosen together; they begin, and unless they end the program also end, in the
-    orientation that it says.
+    Neighbouring free segments are chosen together; they begin, and unless they end the program also
+    end, in the orientation that it says.
 
     Parameters
     ----------
     program, machine
         As they are, by name, or by the path of a file.
     objective
-        "time": as fast as the machine's limits on speed and acceleration allow, and never slower than as the program
-        says, where that is feasible. "tilt": the largest tilt of any joint as small as can be. "feasible": as far
+        "time": as fast as the machine's limits on speed and acceleration allow, and never slower
+        than as the program
+        says, where that is feasible. "tilt": the largest tilt of any joint as small as can be.
+        "feasible": as far
         inside travel and tilt as can be.
     order
         Of the plans that are compared. None: as `plan` has it.
@@ -63,8 +69,14 @@ def orient(
     """
     program, machine = load_program(program), load_machine(machine)
     if objective not in get_args(Objective):
-        raise MotionError(f'no objective "{objective}"; objectives: {", ".join(get_args(Objective))}')
-    free = {k: each for k, segment in enumerate(program.segments) if (each := _segment_freedom(segment)) is not None}
+        raise MotionError(
+            f'no objective "{objective}"; objectives: {", ".join(get_args(Objective))}'
+        )
+    free = {
+        k: each
+        for k, segment in enumerate(program.segments)
+        if (each := _segment_freedom(segment)) is not None
+    }
     for k, each in free.items():
         _refuse(each, k + 1, machine)
     if not free:
@@ -72,17 +84,28 @@ def orient(
     order = usual_order(machine.axes, program) if order is None else order
     held = {k: np.zeros((3, DEGREE + 1)) for k in free}
     moving = _find_moving_ends(apply_choice(program, held), machine, order)
-    known, motion = held, _solve_motion(apply_choice(program, held), machine, order) if objective == "time" else None
+    known, motion = (
+        held,
+        _solve_motion(apply_choice(program, held), machine, order) if objective == "time" else None,
+    )
     if motion is None:  # nothing to be kept: begin with what is feasible, if anything is
         known = _solve_groups(program, machine, "feasible", moving, {}, held)
-        motion = _solve_motion(apply_choice(program, known), machine, order) if objective == "time" else None
+        motion = (
+            _solve_motion(apply_choice(program, known), machine, order)
+            if objective == "time"
+            else None
+        )
     if objective == "feasible":
         return apply_choice(program, known)
     speeds = {} if motion is None else _end_speeds(motion)
     chosen = _solve_groups(program, machine, objective, moving, speeds, known)
     if motion is not None:
         made = _solve_motion(apply_choice(program, chosen), machine, order)
-        chosen = known if made is None else _choose_faster(program, moving, (known, motion), (chosen, made))
+        chosen = (
+            known
+            if made is None
+            else _choose_faster(program, moving, (known, motion), (chosen, made))
+        )
     return apply_choice(program, chosen)
 
 
@@ -90,7 +113,10 @@ def orient_open(program: Program, machine: Machine, order: int) -> Program:
     """The program with whatever is still open chosen for time."""
     if isinstance(program.segments, SegmentStream):
         return program
-    still = any(free is not None and free.controls is None for free in map(_segment_freedom, program.segments))
+    still = any(
+        free is not None and free.controls is None
+        for free in map(_segment_freedom, program.segments)
+    )
     return orient(program, machine, order=order) if still else program
 
 
@@ -98,7 +124,9 @@ def apply_choice(program: Program, choice: Choice) -> Program:
     """The program with the orientation of free segments chosen so."""
     segments: list[Any] = list(program.segments)
     for k, controls in choice.items():
-        segments[k] = replace(segments[k], free=replace(segments[k].free, controls=freeze_array(controls)))
+        segments[k] = replace(
+            segments[k], free=replace(segments[k].free, controls=freeze_array(controls))
+        )
     return replace(program, segments=tuple(segments))
 
 
@@ -107,7 +135,11 @@ def find_choice(program: Program) -> Choice:
     if isinstance(program.segments, SegmentStream):
         return {}
     free = {k: _segment_freedom(segment) for k, segment in enumerate(program.segments)}
-    return {k: each.controls for k, each in free.items() if each is not None and each.controls is not None}
+    return {
+        k: each.controls
+        for k, each in free.items()
+        if each is not None and each.controls is not None
+    }
 
 
 def _segment_freedom(segment: Any) -> Free | None:
@@ -125,7 +157,9 @@ def _refuse(free: Free, number: int, machine: Machine) -> None:
 
 
 def _find_moving_ends(program: Program, machine: Machine, order: int) -> frozenset[int]:
-    """The segments at whose end the motion need not rest, be it before the next one or the next repetition."""
+    """The segments at whose end the motion need not rest, be it before the next one or the next
+    repetition.
+    """
     drawn = chain_pieces(replace(program, repeat=min(program.repeat, 2)), machine)
     rests = (drawn.stops[1:-1] > 0) & (drawn.stops[1:-1] <= order)
     return frozenset(
@@ -177,8 +211,15 @@ def _solve_groups(
     start: Choice,
 ) -> dict[int, Array]:
     """Neighbouring free segments, each such group by itself."""
-    once = (part.pieces for part in draw_segments(replace(apply_choice(program, start), repeat=1), machine))
-    drawn = {pieces[0].segment - 1: [_carry_piece(piece, program) for piece in pieces] for pieces in once if pieces}
+    once = (
+        part.pieces
+        for part in draw_segments(replace(apply_choice(program, start), repeat=1), machine)
+    )
+    drawn = {
+        pieces[0].segment - 1: [_carry_piece(piece, program) for piece in pieces]
+        for pieces in once
+        if pieces
+    }
     found: dict[int, Array] = {}
     for group in _group_neighbours(list(drawn), start):
         parts = [FreePart.from_pieces(drawn[k], _chosen_freedom(program, k)) for k in group]
@@ -186,13 +227,17 @@ def _solve_groups(
         joints = [PartEnd(speeds.get(k, 0.0), k in moving) for k in (before, *group)]
         joints[0] = replace(joints[0], given=True)
         joints[-1] = replace(joints[-1], given=group[-1] != max(drawn) or program.repeat > 1)
-        controls = solve_controls(machine, parts, joints, objective, np.array([start[k] for k in group]))
+        controls = solve_controls(
+            machine, parts, joints, objective, np.array([start[k] for k in group])
+        )
         found |= dict(zip(group, controls, strict=True))
     return found
 
 
 def _group_neighbours(segments: Sequence[int], free: Choice) -> list[list[int]]:
-    return [list(members) for is_free, members in groupby(segments, key=lambda k: k in free) if is_free]
+    return [
+        list(members) for is_free, members in groupby(segments, key=lambda k: k in free) if is_free
+    ]
 
 
 def _chosen_freedom(program: Program, k: int) -> Free:
@@ -206,9 +251,14 @@ def _carry_piece(piece: Piece, program: Program) -> Piece:
 
 
 def _choose_faster(
-    program: Program, moving: frozenset[int], known: tuple[Choice, Trajectory], other: tuple[Choice, Trajectory]
+    program: Program,
+    moving: frozenset[int],
+    known: tuple[Choice, Trajectory],
+    other: tuple[Choice, Trajectory],
 ) -> dict[int, Array]:
-    """The better of two choices, for each stretch between rests in the orientation that the program says."""
+    """The better of two choices, for each stretch between rests in the orientation that the program
+    says.
+    """
     segments = [k for k, segment in enumerate(program.segments) if not isinstance(segment, Dwell)]
     before, after = (_durations(motion) for _, motion in (known, other))
     inside = {k for group in _group_neighbours(segments, known[0]) for k in group[:-1]}
@@ -222,7 +272,9 @@ def _choose_faster(
         stretches = [[*last, *stretches[0]], *stretches[1:]] if stretches else [last]
     found: dict[int, Array] = {}
     for stretch in stretches:
-        better = other if sum(after[k] for k in stretch) < sum(before[k] for k in stretch) else known
+        better = (
+            other if sum(after[k] for k in stretch) < sum(before[k] for k in stretch) else known
+        )
         found |= {k: better[0][k] for k in stretch if k in known[0]}
     return found
 

@@ -1,4 +1,5 @@
-"""Geometry in the actuators: q and its derivatives along a path, numerically and in guaranteed Taylor arithmetic.
+"""Geometry in the actuators: q and its derivatives along a path, numerically and in guaranteed
+Taylor arithmetic.
 
 Of a pose's several coordinates a path starts at home's and stays on their branch, turn after turn.
 """
@@ -27,18 +28,24 @@ from planner.program.model import Program
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
 
-# Points of a piece that are looked at first, and at most: an axis turns by at most MAX_TURN_STEP (rad) in between.
+# Points of a piece that are looked at first, and at most: an axis turns by at most MAX_TURN_STEP
+# (rad) in between.
 FIRST_POINTS, MAX_POINTS, MAX_TURN_STEP = 65, 2**16 + 1, np.pi / 4
-# How far (rad) a part of a piece may turn an axis: from its middle to the next turn's coordinates are π either way.
+# How far (rad) a part of a piece may turn an axis: from its middle to the next turn's coordinates
+# are π either way.
 MAX_PART_TURN = 1.5 * np.pi
 
 
-def split_turns(machine: Machine, pieces: Sequence[Piece], here: Array) -> tuple[list[list[Piece]], list[Array]]:
-    """Every piece in as many parts as its axes' turns need, and the coordinates near which each part's are meant.
+def split_turns(
+    machine: Machine, pieces: Sequence[Piece], here: Array
+) -> tuple[list[list[Piece]], list[Array]]:
+    """Every piece in as many parts as its axes' turns need, and the coordinates near which each
+    part's are meant.
 
     here: coordinates (n,) near which the path starts.
 
-    A pose alone does not tell turns or elbows. Where the machine has none, each piece is its only part.
+    A pose alone does not tell turns or elbows. Where the machine has none, each piece is its only
+    part.
     """
     if not machine.branched:
         return [[piece] for piece in pieces], [machine.home_q] * len(pieces)
@@ -55,7 +62,8 @@ def split_turns(machine: Machine, pieces: Sequence[Piece], here: Array) -> tuple
         count, turning = 1, q[:, rotary]
         while (
             count < len(q) // 2
-            and max(np.ptp(c, axis=0).max(initial=0.0) for c in _split_equally(turning, count)) > MAX_PART_TURN
+            and max(np.ptp(c, axis=0).max(initial=0.0) for c in _split_equally(turning, count))
+            > MAX_PART_TURN
         ):
             count *= 2
         parts.append(piece.cut(count))
@@ -71,7 +79,10 @@ def _follow_coordinates(machine: Machine, piece: Piece, here: Array, rotary: np.
         first = machine.inverse_map(machine.inputs(x[:1], here))
         q = machine.inverse_map(machine.inputs(x, first[0]))
         q[:, rotary] = np.unwrap(q[:, rotary], axis=0)
-        if points >= MAX_POINTS or not np.abs(np.diff(q[:, rotary], axis=0)).max(initial=0.0) > MAX_TURN_STEP:
+        if (
+            points >= MAX_POINTS
+            or not np.abs(np.diff(q[:, rotary], axis=0)).max(initial=0.0) > MAX_TURN_STEP
+        ):
             return q
         points = 2 * points - 1
 
@@ -98,7 +109,10 @@ HIGHEST_RATE = 3
 
 
 def check_rate(times: int) -> int:
-    """Return the order of a derivative of the pose. Raises MotionError for one that is not supported."""
+    """Return the order of a derivative of the pose.
+
+    Raises MotionError for one that is not supported.
+    """
     if isinstance(times, bool) or times not in range(HIGHEST_RATE + 1):
         raise MotionError(f"derivative {times!r:.20} of a pose is not supported: give 0, 1, 2 or 3")
     return int(times)
@@ -106,7 +120,8 @@ def check_rate(times: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Points:
-    """N points of a path, s (N,) on pieces (N,), as the limits' rows see them: in the actuators and in space.
+    """N points of a path, s (N,) on pieces (N,), as the limits' rows see them: in the actuators and
+    in space.
 
     derivatives: q, q′, q″, and q‴ where jerk is limited
     """
@@ -153,7 +168,10 @@ def make_points(path: "ActuatorPath", s: Array, piece: np.ndarray, highest: int 
 
 
 class ActuatorPath(Protocol):
-    """q(s) of n axes: P smooth pieces between `breaks` (P+1,). For s on a break the piece's index tells the side."""
+    """q(s) of n axes: P smooth pieces between `breaks` (P+1,).
+
+    For s on a break the piece's index tells the side.
+    """
 
     @property
     def breaks(self) -> Array: ...
@@ -173,13 +191,19 @@ class ActuatorPath(Protocol):
 
     @property
     def end_accelerations(self) -> tuple[float, float]:
-        """s̈ with which a motion under jerk limits begins and ends: 0 but of one that goes on with, or in, another."""
+        """s̈ with which a motion under jerk limits begins and ends: 0 but of one that goes on with,
+        or in, another.
+        """
 
     def constant(self, piece: int) -> float | None:
-        """ṡ that a motion must have on a piece, outside the ramps at the ends of its segment; None: as it likes."""
+        """ṡ that a motion must have on a piece, outside the ramps at the ends of its segment; None:
+        as it likes.
+        """
 
     def stops(self, order: int) -> np.ndarray:
-        """(P+1,) bool: where a motion of this order (2: to acceleration, 3: to jerk) has to rest."""
+        """(P+1,) bool: where a motion of this order (2: to acceleration, 3: to jerk) has to
+        rest.
+        """
 
     @property
     def content(self) -> Hashable:
@@ -187,10 +211,14 @@ class ActuatorPath(Protocol):
 
     @property
     def tool(self) -> Expression | None:
-        """The platform's twelve numbers, or their rates -> the tool's; None where they are the same."""
+        """The platform's twelve numbers, or their rates -> the tool's; None where they are the
+        same.
+        """
 
     def segment(self, piece: int) -> int | None:
-        """Number of the program's segment that a piece belongs to, from 1; None without a program."""
+        """Number of the program's segment that a piece belongs to, from 1; None without a
+        program.
+        """
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
         """What to call path length s of a piece."""
@@ -199,14 +227,18 @@ class ActuatorPath(Protocol):
         """What people know a place by: s (N,) itself, unless the path was drawn anew for timing."""
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives: ...
-    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
+    def axis_derivatives(
+        self, axis: int, s: Array, piece: np.ndarray, highest: int = 3
+    ) -> Derivatives:
         """The same of one axis, each (N, 1), in a fraction of the time."""
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array | None:
         """(N, 12) numbers of the pose, None where there is no machine."""
 
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives | None:
-        """The pose's numbers x, x′, x″, x‴ by path length, each (N, 12); None where there is no machine."""
+        """The pose's numbers x, x′, x″, x‴ by path length, each (N, 12); None where there is no
+        machine.
+        """
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:
         """q (order+1, N, n), as a series of whatever s (order+1, N) is one of."""
@@ -222,8 +254,14 @@ def has_constant_speed(path: ActuatorPath) -> bool:
 
 @lru_cache(maxsize=128)
 def _actuator_map(machine: Machine, shape: Shape, highest: int) -> Expression:
-    """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape, differentiated."""
-    s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
+    """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape,
+    differentiated.
+    """
+    s, parameters, near = (
+        ca.SX.sym("s"),
+        ca.SX.sym("parameters", shape.size),
+        ca.SX.sym("near", len(machine.axes)),
+    )
     q = machine.symbolic(column(*shape.motion(s, parameters)), near)
     return differentiate(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near), highest)
 
@@ -232,13 +270,19 @@ def _actuator_map(machine: Machine, shape: Shape, highest: int) -> Expression:
 def _axis_map(machine: Machine, shape: Shape, highest: int, axis: int) -> Expression:
     """The same of one axis."""
     width = len(machine.axes)
-    return _actuator_map(machine, shape, highest).select_rows(range(axis, (highest + 1) * width, width))
+    return _actuator_map(machine, shape, highest).select_rows(
+        range(axis, (highest + 1) * width, width)
+    )
 
 
 @lru_cache(maxsize=128)
 def _pose_numbers_map(machine: Machine, shape: Shape, highest: int) -> Expression:
     """The same -> the pose's numbers x, x′, x″, x‴, with what follows filled in."""
-    s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
+    s, parameters, near = (
+        ca.SX.sym("s"),
+        ca.SX.sym("parameters", shape.size),
+        ca.SX.sym("near", len(machine.axes)),
+    )
     position, rotation = shape.motion(s, parameters)
     if machine.follows:
         q = machine.symbolic(column(position, rotation), near)
@@ -276,15 +320,19 @@ class MachinePath:
         origin: tuple[float, float] = (0.0, 0.0),
         avoidable: Collection[int] = (),
     ) -> None:
-        """At the pieces' ends, breaks[ends]: dwells (P+1,) s, and stops (P+1,), the order of motion that rests there.
+        """At the pieces' ends, breaks[ends]: dwells (P+1,) s, and stops (P+1,), the order of motion
+        that rests there.
 
         0: it never needs to, 1: it always does; the first and the last end are stops.
-        blends, fits  what became of the joins that ask for one, and of chains whose joins ask for curves
+        blends, fits  what became of the joins that ask for one, and of chains whose joins ask for
+                      curves
         overshoots  how far splines leave their polygons
-        tool        its frame in the platform's, whose path length the pieces have; None: the platform's own
+        tool        its frame in the platform's, whose path length the pieces have; None: the
+                    platform's own
         end_speeds  ṡ with which a motion begins and ends; end_accelerations: s̈ likewise
         near        (n,) coordinates near which it starts; None: near home's
-        origin      path length and time (s) at which it begins, where it is a part of another: places count from there
+        origin      path length and time (s) at which it begins, where it is a part of another:
+                    places count from there
         avoidable   numbers, from 1, of the given pieces that end in an avoidable stop
         """
         self.end_speeds, self.end_accelerations, self.origin = end_speeds, end_accelerations, origin
@@ -294,9 +342,14 @@ class MachinePath:
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
         self.blends, self.fit = tuple(blends), summarise_fits(fits, blends)
         self.overshoots = tuple(overshoots)
-        self.breaks: Array = freeze_array(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
+        self.breaks: Array = freeze_array(
+            np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])])
+        )
         self.ends = ends = np.concatenate([[0], np.cumsum([len(each) for each in parts])])
-        self._stops, self.dwells = freeze_array(_pad_part_ends(ends, stops)), freeze_array(_pad_part_ends(ends, dwells))
+        self._stops, self.dwells = (
+            freeze_array(_pad_part_ends(ends, stops)),
+            freeze_array(_pad_part_ends(ends, dwells)),
+        )
         self.names = tuple(axis.name for axis in machine.axes)
         self.turns: Array = freeze_array([piece.turn for piece in self.pieces])
         self._near, self._start = np.array(meant), np.array([piece.start for piece in self.pieces])
@@ -307,7 +360,9 @@ class MachinePath:
         self._refuse()
 
     def _tabulate_inputs(self, shape: Shape) -> Array:
-        """Return what the maps of a shape take, piece by piece: room for s, parameters, near; 0 for other shapes."""
+        """Return what the maps of a shape take, piece by piece: room for s, parameters, near; 0 for
+        other shapes.
+        """
         other = np.zeros(shape.size)
         parameters = [piece.parameters if piece.shape == shape else other for piece in self.pieces]
         return np.column_stack([np.zeros(len(parameters)), parameters, self._near])
@@ -315,7 +370,10 @@ class MachinePath:
     def _refuse(self) -> None:
         """Raise OutOfReach for a path that needs what the machine holds."""
         piece = np.repeat(np.arange(len(self.pieces)), FREEDOM_POINTS)
-        s = (self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.linspace(0, 1, FREEDOM_POINTS)).ravel()
+        s = (
+            self.breaks[:-1, None]
+            + np.diff(self.breaks)[:, None] * np.linspace(0, 1, FREEDOM_POINTS)
+        ).ravel()
         shares = self._evaluate(pose_map, s, piece)
 
         def find_place(k: int) -> Place:
@@ -333,16 +391,24 @@ class MachinePath:
         return maps, tuple(self._shapes), tuple(each.tobytes() for each in numbers)
 
     def describe_pieces(self, first: int, last: int) -> Hashable:
-        """Return all that decides the geometry and caps of pieces first … last, except where on the path they are."""
+        """Return all that decides the geometry and caps of pieces first … last, except where on the
+        path they are.
+        """
         pieces = tuple(piece.content for piece in self.pieces[first : last + 1])
-        return pieces, self._near[first : last + 1].tobytes(), self._stops[first + 1 : last + 1].tobytes()
+        return (
+            pieces,
+            self._near[first : last + 1].tobytes(),
+            self._stops[first + 1 : last + 1].tobytes(),
+        )
 
     def constant(self, piece: int) -> float | None:
         return self.pieces[piece].tool_speed if self.pieces[piece].constant else None
 
     @property
     def joins(self) -> np.ndarray:
-        """(P+1,) the order of motion from which it rests at each break; 0: it never needs to, 1: it always does."""
+        """(P+1,) the order of motion from which it rests at each break; 0: it never needs to, 1: it
+        always does.
+        """
         return self._stops
 
     def stops(self, order: int) -> np.ndarray:
@@ -351,7 +417,8 @@ class MachinePath:
     def avoidable_stops(self, order: int) -> np.ndarray:
         """(P+1,) bool: where a motion of this order rests without a stated reason.
 
-        Neither a dwell, nor a join that says so, nor a trigger at a stop, nor a reversal of the path asks for it.
+        Neither a dwell, nor a join that says so, nor a trigger at a stop, nor a reversal of the
+        path asks for it.
         """
         unasked = np.zeros(len(self._stops), bool)
         unasked[self.ends[sorted(self._avoidable)]] = True
@@ -362,7 +429,13 @@ class MachinePath:
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
         own, (way, begin) = self.pieces[piece], self.origin
-        return Place(float(way + s), own.segment, None if t is None else float(begin + t), axis, own.repetition)
+        return Place(
+            float(way + s),
+            own.segment,
+            None if t is None else float(begin + t),
+            axis,
+            own.repetition,
+        )
 
     def parameter(self, s: Array, piece: np.ndarray) -> Array:
         return s
@@ -371,8 +444,12 @@ class MachinePath:
         every = self._evaluate(lambda shape: _actuator_map(self.machine, shape, highest), s, piece)
         return _split_columns(every, highest + 1)
 
-    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        every = self._evaluate(lambda shape: _axis_map(self.machine, shape, highest, axis), s, piece)
+    def axis_derivatives(
+        self, axis: int, s: Array, piece: np.ndarray, highest: int = 3
+    ) -> Derivatives:
+        every = self._evaluate(
+            lambda shape: _axis_map(self.machine, shape, highest, axis), s, piece
+        )
         return _split_columns(every, highest + 1)
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:
@@ -382,7 +459,9 @@ class MachinePath:
         return self.machine.carried_map(self.machine.inputs(drawn, self._near[piece]))
 
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        every = self._evaluate(lambda shape: _pose_numbers_map(self.machine, shape, highest), s, piece)
+        every = self._evaluate(
+            lambda shape: _pose_numbers_map(self.machine, shape, highest), s, piece
+        )
         return _split_columns(every, highest + 1)
 
     def position_derivatives(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
@@ -390,7 +469,9 @@ class MachinePath:
         both = self._evaluate(lambda shape: _position_map(self.machine, shape), s, piece)
         return both[:, :3], both[:, 3:]
 
-    def _evaluate(self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray) -> Array:
+    def _evaluate(
+        self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray
+    ) -> Array:
         """Evaluate maps of shapes, of s and parameters, and of near if they take it."""
         local = s - self.breaks[piece] + self._start[piece]
         out = np.empty((len(s), expression(self._shapes[0]).size[1]))
@@ -407,28 +488,46 @@ class MachinePath:
 
     def enclose_pose(self, s: Series, piece: np.ndarray) -> Series:
         inputs = self.enclose_inputs(s, piece)
-        return self.machine.carried_map.enclose_columns(inputs) if self.machine.follows else inputs[:, :12]
+        return (
+            self.machine.carried_map.enclose_columns(inputs)
+            if self.machine.follows
+            else inputs[:, :12]
+        )
 
     def jacobian(self, s: Series, piece: np.ndarray) -> Series:
-        """The square Jacobian (order+1, N, n · n), row by row; columns of rotation by the characteristic length."""
+        """The square Jacobian (order+1, N, n · n), row by row; columns of rotation by the
+        characteristic length.
+        """
         entries = self.machine.controlled_map.enclose_columns(self.enclose_inputs(s, piece))
         scale = np.where(columns(self.machine) < 3, 1.0, 1 / self.machine.characteristic_length)
         return entries * np.tile(scale, len(self.names))
 
     def enclose_inputs(self, s: Series, piece: np.ndarray) -> Series:
-        """What the machine's maps take along the path (`inputs`): (order+1, N, k); the last is kept."""
-        if self._enclosed is not None and self._enclosed[0] is s and np.array_equal(self._enclosed[1], piece):
+        """What the machine's maps take along the path (`inputs`): (order+1, N, k); the last is
+        kept.
+        """
+        if (
+            self._enclosed is not None
+            and self._enclosed[0] is s
+            and np.array_equal(self._enclosed[1], piece)
+        ):
             return self._enclosed[2]
         pose = Series.zeros(s.order, (len(piece), 12))
         local = (s - self.breaks[piece] + self._start[piece])[:, None]
         for k, shape in enumerate(self._shapes):
             chosen = np.flatnonzero(self._shape_of[piece] == k)
             if len(chosen):
-                parameters = Series.constant(self._inputs[k][piece[chosen], 1 : 1 + shape.size], s.order)
+                parameters = Series.constant(
+                    self._inputs[k][piece[chosen], 1 : 1 + shape.size], s.order
+                )
                 pose.put(chosen, pose_map(shape).enclose_columns(local[chosen], parameters))
         if self.machine.branched:
             near = Series.constant(self._near[piece], s.order).pad(s.order)
-            pose = Series(np.concatenate([pose.mid, near.mid], 2), np.concatenate([pose.rad, near.rad], 2), s.order)
+            pose = Series(
+                np.concatenate([pose.mid, near.mid], 2),
+                np.concatenate([pose.rad, near.rad], 2),
+                s.order,
+            )
         self._enclosed = s, piece, pose
         return pose
 
@@ -449,7 +548,10 @@ def _pad_part_ends(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def actuate(program: Program, machine: Machine) -> MachinePath:
-    """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
+    """The program's path in the machine's actuators.
+
+    Raises MotionError naming the segment that cannot be drawn.
+    """
     own = chain_pieces(program, machine)
     path = MachinePath(
         machine,

@@ -1,4 +1,5 @@
-"""From a program to the pieces of its path: frames, tool, arcs from the current point, turns, dwells, joins.
+"""From a program to the pieces of its path: frames, tool, arcs from the current point, turns,
+dwells, joins.
 
 The tool sits on the platform; the platform's path takes it along its own.
 """
@@ -39,7 +40,18 @@ from planner.path.shape import (
 )
 from planner.path.spline import spline
 from planner.path.synchronised import draw_synchronised
-from planner.program.model import MIN_MOVE, Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
+from planner.program.model import (
+    MIN_MOVE,
+    Arc,
+    Curve,
+    Dwell,
+    Line,
+    Program,
+    Segment,
+    Spline,
+    Synchronised,
+    Turn,
+)
 from planner.program.modifiers import STOP
 from planner.program.validation import CAPS
 
@@ -56,7 +68,8 @@ Moving = Line | Arc | Spline | Curve | Turn | Synchronised
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Pieces of the platform's path in the base frame; stops (P+1,), dwells (P+1,) s at their ends, as of MachinePath.
+    """Pieces of the platform's path in the base frame; stops (P+1,), dwells (P+1,) s at their ends,
+    as of MachinePath.
 
     blends: what became of every join that asks for one; fits: of every chain that was fitted
     avoidable: numbers, from 1, of the pieces that end in an avoidable stop
@@ -73,7 +86,10 @@ class Chain:
 
 
 def chain_pieces(program: Program, machine: Machine) -> Chain:
-    """The program's path for a machine. Raises MotionError naming the segment that cannot be drawn."""
+    """The program's path for a machine.
+
+    Raises MotionError naming the segment that cannot be drawn.
+    """
     steps = list(_link_segments(program, machine))
     pieces = tuple(step.piece for step in steps)
     stops = freeze_array([ALWAYS_REST, *(step.stop for step in steps)])
@@ -89,9 +105,15 @@ def chain_pieces(program: Program, machine: Machine) -> Chain:
 
 
 def walk_path(program: Program, machine: Machine) -> Iterator[PathStep]:
-    """The same path step by step, as it is asked for: of constant speeds, for which it is drawn otherwise, not yet."""
+    """The same path step by step, as it is asked for: of constant speeds, for which it is drawn
+    otherwise, not yet.
+    """
     for step in _link_segments(program, machine):
-        yield step if program.tool is None else replace(step, piece=carry_tool(step.piece, program.tool))
+        yield (
+            step
+            if program.tool is None
+            else replace(step, piece=carry_tool(step.piece, program.tool))
+        )
 
 
 def _link_segments(program: Program, machine: Machine) -> Iterator[PathStep]:
@@ -103,14 +125,16 @@ def _link_segments(program: Program, machine: Machine) -> Iterator[PathStep]:
 class _Stand:
     """The current point of a path, in the program's frame.
 
-    Lines are drawn in a few numbers: composing poses takes ten times as long, and files have millions
-    of lines. As long as nothing is turned, no pose is made at all, since SciPy's take 0.2 s to load:
-    `_frame` and `_rotation` are None then.
+    Lines are drawn in a few numbers: composing poses takes ten times as long, and files have
+    millions of lines. As long as nothing is turned, no pose is made at all, since SciPy's take 0.2
+    s to load: `_frame` and `_rotation` are None then.
     """
 
     def __init__(self, program: Program, machine: Machine) -> None:
         home = machine.home_numbers[0]
-        is_stated = program.start is not None or program.tool is not None or program.work is not None
+        is_stated = (
+            program.start is not None or program.tool is not None or program.work is not None
+        )
         self._frame: Pose | None = None
         self._rotation: Rotation | None = None
         self._turned: Array = np.eye(3)
@@ -119,7 +143,9 @@ class _Stand:
         self._rest = np.concatenate([IDENTITY[3:], NO_TURN])
         if not is_stated and np.array_equal(home[3:], IDENTITY[3:]):
             origin = np.zeros(3)
-            self._moved, self._position = (home[:3], origin) if program.frame == "home" else (origin, home[:3])
+            self._moved, self._position = (
+                (home[:3], origin) if program.frame == "home" else (origin, home[:3])
+            )
             return
         self._frame = machine.home if program.frame == "home" else from_numbers(IDENTITY)
         if program.work is not None:
@@ -153,36 +179,51 @@ class _Stand:
         return np.asarray(self._turned @ point + self._moved)
 
     def draw_line(self, to: Array, number: int) -> Piece | None:
-        """Return the piece to a position, the current point from then on; None if the path is there already."""
+        """Return the piece to a position, the current point from then on; None if the path is there
+        already.
+        """
         start, end = self.place, self._move_to_base(to)
         length = float(np.linalg.norm(end - start))
         if length <= MIN_MOVE:
             return None
         self._position = to
-        return Piece(LINE, freeze_array(np.concatenate([start, (end - start) / length, self._rest])), length, number)
+        return Piece(
+            LINE,
+            freeze_array(np.concatenate([start, (end - start) / length, self._rest])),
+            length,
+            number,
+        )
 
     def draw_arc(self, segment: Arc, number: int) -> Piece | None:
-        """Return the piece of an arc, the current point at its end from then on; None if anything is turned."""
+        """Return the piece of an arc, the current point at its end from then on; None if anything
+        is turned.
+        """
         if segment.rotate is not None or self._frame is not None or self._rotation is not None:
             return None
         start = np.concatenate([self.place, IDENTITY[3:]])
         end = _arc_end(segment, self._position)
         centre = self._move_to_base(np.asarray(segment.centre, float))
         self._position = end
-        return arc(start, centre, _unit(segment.normal), segment.angle, NO_TURN, number, segment.rise)
+        return arc(
+            start, centre, _unit(segment.normal), segment.angle, NO_TURN, number, segment.rise
+        )
 
 
 def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
-    """The tool's way along every segment that moves, repetition after repetition, each as it is asked for.
+    """The tool's way along every segment that moves, repetition after repetition, each as it is
+    asked for.
 
-    Raises MotionError naming the segments that cannot be drawn, of a program from a file FileError with their lines:
-    all up to the first that does not say itself where it ends. After the first nothing more is drawn.
+    Raises MotionError naming the segments that cannot be drawn, of a program from a file FileError
+    with their lines: all up to the first that does not say itself where it ends. After the first
+    nothing more is drawn.
     """
     _refuse_lever(program, machine)
     if program.start_speed:
         _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
     if program.end_speed:
-        _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
+        _refuse_end_speed(
+            "end_speed", program.end_speed, program.segments[-1], len(program.segments)
+        )
     stand = _Stand(program, machine)
     faults: list[tuple[int, Moving, MotionError]] = []
     pending, moves, turned = Drawn([], STOP), False, 0.0
@@ -197,7 +238,13 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
                 turned += sum(piece.turn for piece in own)
                 _refuse_turns(turned)
             except MotionError as wrong:
-                faults.append((number, segment, _repetition_error(wrong, repetition) if repetition > 1 else wrong))
+                faults.append(
+                    (
+                        number,
+                        segment,
+                        _repetition_error(wrong, repetition) if repetition > 1 else wrong,
+                    )
+                )
                 onward = _end_of_undrawn(segment, stand.pose)
                 if onward is None or repetition > 1:
                     raise _segments_error(program, faults) from None
@@ -205,7 +252,10 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
                 continue
             if not faults and (pending.pieces or pending.dwell):
                 yield pending
-            pieces = [_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)]
+            pieces = [
+                _cap_piece(piece, segment, program, repetition)
+                for piece in _free_pieces(own, segment)
+            ]
             marks = () if segment.trigger is None else (segment.trigger.at,)
             overshoot = None
             if begin is not None and isinstance(segment, Spline):
@@ -218,13 +268,23 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
             raise _segments_error(program, faults)
     if not moves:
         told = f"program {program.name}: nothing moves; add a line, an arc, a spline, a turn or a synchronised move"
-        raise FileError(program.file, [Fault("segment", told, 1)]) if program.file else MotionError(told)
+        raise (
+            FileError(program.file, [Fault("segment", told, 1)])
+            if program.file
+            else MotionError(told)
+        )
     yield pending
 
 
-def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: "Pose | None") -> list[Piece]:
+def _draw(
+    segment: Moving, number: int, stand: _Stand, machine: Machine, tool: "Pose | None"
+) -> list[Piece]:
     """The pieces of a segment from where the path stands, which is its end then."""
-    if isinstance(segment, Line) and segment.rotate is None and (made := stand.draw_line(segment.to, number)):
+    if (
+        isinstance(segment, Line)
+        and segment.rotate is None
+        and (made := stand.draw_line(segment.to, number))
+    ):
         return [made]
     if isinstance(segment, Arc) and (made := stand.draw_arc(segment, number)):
         return [made]
@@ -246,12 +306,17 @@ def default_start(program: Program, machine: Machine) -> "Pose":
 
 
 def _end_of_undrawn(segment: Moving, here: "Pose") -> "Pose | None":
-    """Where the path goes on behind a segment that cannot be drawn, as far as it says that itself."""
+    """Where the path goes on behind a segment that cannot be drawn, as far as it says that
+    itself.
+    """
     match segment:
         case Line() | Synchronised():
             position, turned = np.asarray(segment.to, float), segment.rotate
         case Spline():
-            position, turned = segment.through[-1], None if segment.rotate is None else segment.rotate[-1]
+            position, turned = (
+                segment.through[-1],
+                None if segment.rotate is None else segment.rotate[-1],
+            )
         case Turn() if segment.to is not None:
             position, turned = here.translation, segment.to
         case _:
@@ -259,7 +324,9 @@ def _end_of_undrawn(segment: Moving, here: "Pose") -> "Pose | None":
     return join_pose(position, here.rotation if turned is None else turned)
 
 
-def _segments_error(program: Program, faults: Sequence[tuple[int, Moving, MotionError]]) -> MotionError:
+def _segments_error(
+    program: Program, faults: Sequence[tuple[int, Moving, MotionError]]
+) -> MotionError:
     """Everything that is wrong with the segments of a program: of its file, if it is from one."""
     if not program.file:
         lines = [f"{_name(segment, number)}: {error}" for number, segment, error in faults]
@@ -267,24 +334,33 @@ def _segments_error(program: Program, faults: Sequence[tuple[int, Moving, Motion
     return FileError(
         program.file,
         [
-            Fault(f"segment[{number}].{type(segment).__name__.lower()}", str(no), segment.line_number)
+            Fault(
+                f"segment[{number}].{type(segment).__name__.lower()}", str(no), segment.line_number
+            )
             for number, segment, no in faults
         ],
     )
 
 
 def _repetition_error(wrong: MotionError, repetition: int) -> MotionError:
-    return MotionError(f"repetition {repetition}: {wrong}; put the approach to the first repetition into start")
+    return MotionError(
+        f"repetition {repetition}: {wrong}; put the approach to the first repetition into start"
+    )
 
 
 def _free_pieces(pieces: list[Piece], segment: Moving) -> list[Piece]:
-    """The pieces of a segment that leaves orientation free, turned as was chosen: not at all if nothing was."""
+    """The pieces of a segment that leaves orientation free, turned as was chosen: not at all if
+    nothing was.
+    """
     if isinstance(segment, Turn | Synchronised) or segment.free is None:
         return pieces
     controls = np.zeros((3, DEGREE + 1)) if segment.free.controls is None else segment.free.controls
     ends = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
     return measure_turns(
-        [free_piece(piece, controls, start, ends[-1]) for piece, start in zip(pieces, ends[:-1], strict=True)],
+        [
+            free_piece(piece, controls, start, ends[-1])
+            for piece, start in zip(pieces, ends[:-1], strict=True)
+        ],
     )
 
 
@@ -306,11 +382,15 @@ def _refuse_turns(turned: float) -> None:
     """A path that bends and turns more often than grids along it can follow."""
     if not turned <= most("rad"):
         turns = f"{turned / (2 * np.pi):.6g} turns"
-        raise MotionError(f"up to its end the path bends and turns by {turns}, at most {MAX_TURNS}; run it in parts")
+        raise MotionError(
+            f"up to its end the path bends and turns by {turns}, at most {MAX_TURNS}; run it in parts"
+        )
 
 
 def _refuse_lever(program: Program, machine: Machine) -> None:
-    """Where the orientation follows, a tool beside the platform's origin goes where nothing that is asked for says."""
+    """Where the orientation follows, a tool beside the platform's origin goes where nothing that is
+    asked for says.
+    """
     turning = [name for name in machine.follows if name in ("rx", "ry", "rz")]
     if program.tool is not None and turning and np.linalg.norm(program.tool.translation) > 0:
         raise MotionError(
@@ -320,7 +400,9 @@ def _refuse_lever(program: Program, machine: Machine) -> None:
 
 
 def _refuse_end_speed(end: str, speed: float, segment: Segment, number: int) -> None:
-    """A speed of the tool at an end of the program, whose segment there does not move it, or not so fast."""
+    """A speed of the tool at an end of the program, whose segment there does not move it, or not so
+    fast.
+    """
     if speed == 0:
         return
     if isinstance(segment, Turn | Dwell):
@@ -389,7 +471,9 @@ def _curve_end(segment: Curve, here: "Pose") -> "Pose":
     if segment.rotate is not None:
         angle = float((first.rotation.inv() * here.rotation).magnitude())
         if angle > MIN_MOVE:
-            wanted = ", ".join(f"{each:.6g}" for each in first.rotation.as_euler("XYZ", degrees=True))
+            wanted = ", ".join(
+                f"{each:.6g}" for each in first.rotation.as_euler("XYZ", degrees=True)
+            )
             raise MotionError(
                 f"its equations begin turned [{wanted}]°, {np.degrees(angle):.6g}° from the "
                 "current orientation; add a turn before it"
@@ -404,7 +488,9 @@ def _arc_end(segment: Arc, here: Array) -> Array:
     u = here - centre
     radius, height = float(np.linalg.norm(u)), float(u @ normal)
     if radius <= MIN_MOVE:
-        raise MotionError(f"the arc's centre is the current point of the path {_mm(centre)}; give another centre")
+        raise MotionError(
+            f"the arc's centre is the current point of the path {_mm(centre)}; give another centre"
+        )
     if abs(height) > IN_PLANE * radius + MIN_MOVE:
         raise MotionError(
             f"the path stands {abs(height) * 1e3:.4g} mm out of the plane "
@@ -415,7 +501,13 @@ def _arc_end(segment: Arc, here: Array) -> Array:
 
 
 def _pieces(
-    segment: Moving, number: int, here: "Pose", there: "Pose", frame: "Pose", machine: Machine, tool: "Pose | None"
+    segment: Moving,
+    number: int,
+    here: "Pose",
+    there: "Pose",
+    frame: "Pose",
+    machine: Machine,
+    tool: "Pose | None",
 ) -> list[Piece]:
     start, end, characteristic = frame * here, frame * there, machine.characteristic_length
     match segment:
@@ -445,7 +537,17 @@ def _pieces(
             normal = frame.rotation.apply(_unit(segment.normal))
             numbers = np.concatenate([start.translation, start.rotation.as_matrix().ravel()])
             (axis,), (angle,) = axis_angle(start.rotation, end.rotation)
-            return [arc(numbers, centre, normal, segment.angle, np.append(axis, angle), number, segment.rise)]
+            return [
+                arc(
+                    numbers,
+                    centre,
+                    normal,
+                    segment.angle,
+                    np.append(axis, angle),
+                    number,
+                    segment.rise,
+                )
+            ]
         case Curve():
             return curve(start, segment, frame, number)
         case Spline():

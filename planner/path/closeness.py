@@ -1,10 +1,13 @@
-"""How near two paths run to each other, proved: a bound of their Fréchet distance, in position and in orientation.
+"""How near two paths run to each other, proved: a bound of their Fréchet distance, in position and
+in orientation.
 
-Along both at once: cell by cell of a correspondence that never turns back, each path runs evenly through its own part,
-and the difference of the two poses there is a Taylor model, whose Bernstein coefficients bound it. So every pose of one
-has a near one of the other, both ways round and in order: no loop is cut off. Any correspondence gives a bound; that of
-nearest points gives a tight one. Roundings are in the balls. Fréchet distance: Alt and Godau, Computing the Fréchet
-distance between two polygonal curves (1995). Bernstein form: Farouki, Computer Aided Geometric Design 29 (2012), 379.
+Along both at once: cell by cell of a correspondence that never turns back, each path runs evenly
+through its own part, and the difference of the two poses there is a Taylor model, whose Bernstein
+coefficients bound it. So every pose of one has a near one of the other, both ways round and in
+order: no loop is cut off. Any correspondence gives a bound; that of nearest points gives a tight
+one. Roundings are in the balls. Fréchet distance: Alt and Godau, Computing the Fréchet distance
+between two polygonal curves (1995). Bernstein form: Farouki, Computer Aided Geometric Design 29
+(2012), 379.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +20,14 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.taylor_model import EPS, Series
-from planner.path.shape import Piece, Shape, pose_derivatives_map, pose_map, position_map, split_derivatives
+from planner.path.shape import (
+    Piece,
+    Shape,
+    pose_derivatives_map,
+    pose_map,
+    position_map,
+    split_derivatives,
+)
 
 # Highest power of the Taylor models, and degree of the Bernstein forms.
 ORDER, BERNSTEIN_DEGREE = 6, 9
@@ -27,14 +37,17 @@ MAX_HALVINGS, TIGHTNESS = 10, 0.005
 MIN_CELLS = 16
 # Steps of Gauss and Newton to the nearest point.
 NEAREST_STEPS = 4
-# How far from its even share of the path, in tolerances, the like of a place is looked for at least.
+# How far from its even share of the path, in tolerances, the like of a place is looked for at
+# least.
 DRIFT = 16.0
 # Floor of a share of the tolerance below which no bound is made tighter.
 ENOUGH_SHARE = 0.02
 
 
 class Track:
-    """Pieces one after the other, evaluated at many places at once: s from 0, and the piece that it is meant on."""
+    """Pieces one after the other, evaluated at many places at once: s from 0, and the piece that it
+    is meant on.
+    """
 
     def __init__(self, pieces: Sequence[Piece]) -> None:
         self.pieces = pieces
@@ -60,7 +73,9 @@ class Track:
     def local(self, s: Array, piece: np.ndarray) -> Array:
         """The shape's own s (N,), exactly its ends at a piece's ends."""
         own = np.clip(s - self.breaks[piece], 0.0, self.length[piece])
-        return np.asarray(np.where(s == self.breaks[piece + 1], self.length[piece], own) + self.start[piece])
+        return np.asarray(
+            np.where(s == self.breaks[piece + 1], self.length[piece], own) + self.start[piece]
+        )
 
     def derivatives(self, s: Array, piece: np.ndarray) -> tuple[Array, Array, Array, Array]:
         """The pose's numbers and their first three derivatives by s, each (N, 12)."""
@@ -71,7 +86,9 @@ class Track:
         values = self._evaluate(position_map, 9, s, piece)
         return values[:, :3], values[:, 3:6], values[:, 6:]
 
-    def _evaluate(self, make: Callable[[Shape], Expression], size: int, s: Array, piece: np.ndarray) -> Array:
+    def _evaluate(
+        self, make: Callable[[Shape], Expression], size: int, s: Array, piece: np.ndarray
+    ) -> Array:
         """Evaluate the map (s, parameters) -> values (size,) of each piece's shape."""
         values = np.empty((len(s), size))
         local = self.local(s, piece)
@@ -84,24 +101,31 @@ class Track:
         return values
 
     def nearest(self, x: Array, s: Array, piece: np.ndarray, low: Array, high: Array) -> Array:
-        """s (N,) in [low, high] on pieces, where they come near positions x (N, 3), sought from s."""
+        """s (N,) in [low, high] on pieces, where they come near positions x (N, 3), sought from
+        s.
+        """
         for _ in range(NEAREST_STEPS):
             y, y1, y2 = self.positions(s, piece)
             square = (y1 * y1).sum(1)
             bend = square - ((x - y) * y2).sum(1)
-            step = ((x - y) * y1).sum(1) / np.where(bend > square / 4, bend, np.maximum(square, 1e-12))
+            step = ((x - y) * y1).sum(1) / np.where(
+                bend > square / 4, bend, np.maximum(square, 1e-12)
+            )
             s = np.clip(s + step, low, high)
         return s
 
     def enclose(self, first: Array, last: Array, piece: np.ndarray) -> Series:
-        """The pose's numbers (ORDER + 1, 2 N, 12) over τ ∈ [−1, 1] from `first` to `last`, the pieces' own s (N,).
+        """The pose's numbers (ORDER + 1, 2 N, 12) over τ ∈ [−1, 1] from `first` to `last`, the
+        pieces' own s (N,).
 
         The first N rows about each middle, the last N over the whole cell, for the remainder.
         """
         middle, half = (first + last) / 2, (last - first) / 2
         slack = 2 * EPS * (np.abs(first) + np.abs(last))
         ends = np.stack([np.concatenate([middle, middle]), np.concatenate([half, half])])
-        spread = np.stack([np.concatenate([slack, np.abs(half) + 2 * slack]), np.concatenate([slack, slack])])
+        spread = np.stack(
+            [np.concatenate([slack, np.abs(half) + 2 * slack]), np.concatenate([slack, slack])]
+        )
         both = np.concatenate([piece, piece])
         local = Series(ends[..., None], spread[..., None], ORDER)
         found = Series.zeros(ORDER, (len(both), 12))
@@ -116,7 +140,8 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Closeness:
-    """What is proved of N cells of two paths, and where the ends of the second path's pieces have their like.
+    """What is proved of N cells of two paths, and where the ends of the second path's pieces have
+    their like.
 
     s            (N + 1,) ends of the cells along the first path; u: likewise along the second
     position     (N,) m, and angle (N,) rad: bounds of how far they are apart
@@ -137,7 +162,9 @@ class Closeness:
 
 @dataclass(frozen=True, slots=True)
 class _Cells:
-    """From s[0] to s[1] on pieces of one path, from u[0] to u[1] on those of the other: all (…, N)."""
+    """From s[0] to s[1] on pieces of one path, from u[0] to u[1] on those of the other: all (…,
+    N).
+    """
 
     s: Array
     u: Array
@@ -148,11 +175,14 @@ class _Cells:
         return _Cells(self.s[:, chosen], self.u[:, chosen], self.piece[chosen], self.link[chosen])
 
 
-def bound_distance(curve: Sequence[Piece], given: Sequence[Piece], tolerance: float, angle: float) -> Closeness:
-    """How far apart two paths that begin and end together are: bounds that are tight to TIGHTNESS of the largest.
+def bound_distance(
+    curve: Sequence[Piece], given: Sequence[Piece], tolerance: float, angle: float
+) -> Closeness:
+    """How far apart two paths that begin and end together are: bounds that are tight to TIGHTNESS
+    of the largest.
 
-    Both parameters go by about the same places: where they do not, the bound is larger than the distance, never
-    smaller. tolerance (m) and angle (rad) weigh the two against each other.
+    Both parameters go by about the same places: where they do not, the bound is larger than the
+    distance, never smaller. tolerance (m) and angle (rad) weigh the two against each other.
     """
     one, other = Track(curve), Track(given)
     places = _corresponding_places(one, other, DRIFT * tolerance)
@@ -220,11 +250,15 @@ def _first_cells(one: Track, other: Track, places: Array) -> _Cells:
 
 
 def _halve(one: Track, other: Track, cells: _Cells) -> _Cells:
-    """Each cell in two, at the middle of the first path's part and what of the other's is nearest to that."""
+    """Each cell in two, at the middle of the first path's part and what of the other's is nearest
+    to that.
+    """
     s = cells.s.mean(0)
     x = one.positions(s, cells.piece)[0]
     u = other.nearest(x, cells.u.mean(0), cells.link, cells.u[0], cells.u[1])
-    u = np.where((s > cells.s[0]) & (s < cells.s[1]), u, cells.u.mean(0))  # of no length: the other's half
+    u = np.where(
+        (s > cells.s[0]) & (s < cells.s[1]), u, cells.u.mean(0)
+    )  # of no length: the other's half
     return _Cells(
         np.concatenate([np.stack([cells.s[0], s]), np.stack([s, cells.s[1]])], 1),
         np.concatenate([np.stack([cells.u[0], u]), np.stack([u, cells.u[1]])], 1),
@@ -233,8 +267,12 @@ def _halve(one: Track, other: Track, cells: _Cells) -> _Cells:
     )
 
 
-def _bound_cells(one: Track, other: Track, cells: _Cells) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Bounds over each cell (N,) of the distance in position and in angle; and what was met at its ends and middle."""
+def _bound_cells(
+    one: Track, other: Track, cells: _Cells
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Bounds over each cell (N,) of the distance in position and in angle; and what was met at its
+    ends and middle.
+    """
     count = len(cells.piece)
     first, second = (
         track.enclose(track.local(ends[0], piece), track.local(ends[1], piece), piece)
@@ -248,7 +286,9 @@ def _bound_cells(one: Track, other: Track, cells: _Cells) -> tuple[tuple[Array, 
     seen = np.stack([polynomial[0], polynomial.sum(0), (polynomial * _SIGNS).sum(0)])
     bounds, least = [], []
     for part in (slice(0, 3), slice(3, 12)):
-        size = np.linalg.norm(control[..., part], axis=2).max(0) + np.linalg.norm(error[:, part], axis=1)
+        size = np.linalg.norm(control[..., part], axis=2).max(0) + np.linalg.norm(
+            error[:, part], axis=1
+        )
         bounds.append(np.where(np.isfinite(size), size * (1 + 16 * EPS), np.inf))
         least.append(np.linalg.norm(seen[..., part], axis=2).max(0))
     chord = np.minimum(np.stack([bounds[1], least[1]]) / np.sqrt(8), 1.0)  # |ΔR| = √8 sin(angle/2)
@@ -261,12 +301,17 @@ _SIGNS = ((-1.0) ** np.arange(ORDER))[:, None, None]
 
 @cache
 def _bernstein_matrix() -> Array:
-    """(n+1, ORDER): τ^k on [−1, 1] has coefficients Σ_i (−1)^{k−i} C(j, i) C(n−j, k−i) / C(n, k) of degree n."""
+    """(n+1, ORDER): τ^k on [−1, 1] has coefficients Σ_i (−1)^{k−i} C(j, i) C(n−j, k−i) / C(n, k) of
+    degree n.
+    """
     n = BERNSTEIN_DEGREE
     return freeze_array(
         [
             [
-                sum((-1) ** (k - i) * comb(j, i) * comb(n - j, k - i) for i in range(max(0, k - n + j), min(j, k) + 1))
+                sum(
+                    (-1) ** (k - i) * comb(j, i) * comb(n - j, k - i)
+                    for i in range(max(0, k - n + j), min(j, k) + 1)
+                )
                 / comb(n, k)
                 for k in range(ORDER)
             ]

@@ -1,4 +1,6 @@
-"""Curves by equations: the way that formulas of t lead, by its length, proved to be smooth and never to stand still."""
+"""Curves by equations: the way that formulas of t lead, by its length, proved to be smooth and
+never to stand still.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -25,17 +27,21 @@ if TYPE_CHECKING:
 FIRST_CELLS, MAX_HALVINGS, MAX_CELLS = 64, 24, 1 << 14
 # Derivatives that are proved to be finite: those that a certificate of jerk needs, and one more.
 PROVED_DERIVATIVES = 4
-# Points of a part that show its turning, at first and at most, and by what share twice as many may differ.
+# Points of a part that show its turning, at first and at most, and by what share twice as many may
+# differ.
 FIRST_POINTS, MAX_POINTS, TURNING_AGREEMENT = 65, 4097, 1e-3
-# Share of the largest |dp/dt| below which a curve stands still, for its user; places looked at, and zooms to the least.
+# Share of the largest |dp/dt| below which a curve stands still, for its user; places looked at, and
+# zooms to the least.
 STANDSTILL_SHARE, SEARCH_POINTS, ZOOMS = 1e-4, 4097, 3
 
 
 @dataclass(frozen=True, slots=True)
 class CurveEquations:
-    """What the formulas of some segments have in common: the shape that they draw, and the pose by t for its proof.
+    """What the formulas of some segments have in common: the shape that they draw, and the pose by
+    t for its proof.
 
-    shape   parameters: t at the start, dt/ds, and the frames before and after the formulas' own pose (12 + 9)
+    shape   parameters: t at the start, dt/ds, and the frames before and after the formulas' own
+            pose (12 + 9)
     pose    t -> twelve numbers, as the formulas have them
     """
 
@@ -45,7 +51,9 @@ class CurveEquations:
 
 @dataclass(frozen=True, slots=True)
 class Formulas:
-    """The pose by t: texts of position and of rotation in turn about x, y, z, and their units in m and rad."""
+    """The pose by t: texts of position and of rotation in turn about x, y, z, and their units in m
+    and rad.
+    """
 
     position: tuple[str, str, str]
     rotate: tuple[str, str, str] | None
@@ -64,7 +72,9 @@ class Formulas:
 
 
 def curve_equations(curve: Curve) -> CurveEquations:
-    """Return the equations of a segment; equal formulas give the same object, whose maps are built once."""
+    """Return the equations of a segment; equal formulas give the same object, whose maps are built
+    once.
+    """
     formulas = Formulas(curve.position, curve.rotate, curve.constants, curve.length, curve.angle)
     return _make_equations(formulas)
 
@@ -85,7 +95,9 @@ def _motion(formulas: Formulas, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.
 
 
 def ends(curve: Curve) -> "tuple[Pose, Pose]":
-    """Where the formulas have the tool at both ends; where they do not turn it, the orientation is the identity's."""
+    """Where the formulas have the tool at both ends; where they do not turn it, the orientation is
+    the identity's.
+    """
     x = curve_equations(curve).pose(np.array([[curve.begin], [curve.end]]))
     for place, t in zip(x, (curve.begin, curve.end), strict=True):
         if not np.isfinite(place).all():
@@ -98,14 +110,16 @@ def ends(curve: Curve) -> "tuple[Pose, Pose]":
 def curve(start: "Pose", segment: Curve, frame: "Pose", number: int) -> list[Piece]:
     """The pieces from start (base frame) along a segment's equations, which hold in `frame`.
 
-    Their parameter is the way itself, to 1e-10 (planner.path.arc_length). Where the equations begin within MIN_MOVE of
-    the start they are moved to begin there. Raises MotionError, which names t, where they are not finite, not smooth,
-    or stand still.
+    Their parameter is the way itself, to 1e-10 (planner.path.arc_length). Where the equations begin
+    within MIN_MOVE of the start they are moved to begin there. Raises MotionError, which names t,
+    where they are not finite, not smooth, or stand still.
     """
     made = curve_equations(segment)
     prove_smooth(made.pose, segment.begin, segment.end)
     first, _ = ends(segment)
-    turn = first.rotation.inv() * frame.rotation.inv() * start.rotation  # what follows the formulas' own rotation
+    turn = (
+        first.rotation.inv() * frame.rotation.inv() * start.rotation
+    )  # what follows the formulas' own rotation
     place = start.translation - frame.rotation.apply(first.translation)
     before = to_numbers(join_pose(place, frame.rotation))[0]
     after = turn.as_matrix().ravel()
@@ -113,16 +127,23 @@ def curve(start: "Pose", segment: Curve, frame: "Pose", number: int) -> list[Pie
     def piece(begin: float, end: float) -> Piece:
         span = abs(end - begin)
         whole = Piece(
-            made.shape, freeze_array(np.concatenate([[begin, np.sign(end - begin)], before, after])), span, number
+            made.shape,
+            freeze_array(np.concatenate([[begin, np.sign(end - begin)], before, after])),
+            span,
+            number,
         )
-        length = measure_length(lambda s: np.linalg.norm(whole.derivatives(s)[1][:, :3], axis=1), 0.0, span).length
+        length = measure_length(
+            lambda s: np.linalg.norm(whole.derivatives(s)[1][:, :3], axis=1), 0.0, span
+        ).length
         own = freeze_array(np.concatenate([[begin, (end - begin) / length], before, after]))
         return Piece(made.shape, own, length, number)
 
     try:
         pieces = _by_length(piece, segment.begin, segment.end, MAX_HALVINGS)
     except _UnevenCurve as uneven:
-        raise MotionError(_explain_failure(made.pose, segment.begin, segment.end, uneven.t)) from None
+        raise MotionError(
+            _explain_failure(made.pose, segment.begin, segment.end, uneven.t)
+        ) from None
     return [replace(each, turn=_measure_turning(each)) for each in pieces]
 
 
@@ -135,14 +156,18 @@ class _UnevenCurve(Exception):
 
 
 def _explain_failure(pose: Expression, begin: float, end: float, t: float) -> str:
-    """Whether a curve that failed around t is too slow, and where, or changes too fast for its interval."""
+    """Whether a curve that failed around t is too slow, and where, or changes too fast for its
+    interval.
+    """
     low, high = sorted((begin, end))
     own, fastest = np.linspace(low, high, SEARCH_POINTS), 0.0
     for _ in range(ZOOMS):  # towards the slowest place of all
         speeds = _curve_speeds(pose, own)
         slowest, fastest = int(np.argmin(speeds)), max(fastest, float(speeds.max()))
         slow, least = float(own[slowest]), float(speeds[slowest])
-        own = np.linspace(own[max(slowest - 1, 0)], own[min(slowest + 1, SEARCH_POINTS - 1)], SEARCH_POINTS)
+        own = np.linspace(
+            own[max(slowest - 1, 0)], own[min(slowest + 1, SEARCH_POINTS - 1)], SEARCH_POINTS
+        )
     if least < STANDSTILL_SHARE * fastest:
         at = round(slow, 6 - int(np.floor(np.log10(high - low)))) + 0.0
         return (
@@ -155,21 +180,29 @@ def _explain_failure(pose: Expression, begin: float, end: float, t: float) -> st
     )
 
 
-def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float, halvings: int) -> list[Piece]:
-    """The curve for t from begin to end, in as many parts as it takes to have its length as its parameter."""
+def _by_length(
+    piece: Callable[[float, float], Piece], begin: float, end: float, halvings: int
+) -> list[Piece]:
+    """The curve for t from begin to end, in as many parts as it takes to have its length as its
+    parameter.
+    """
     whole = piece(begin, end)
     if not is_uneven(whole):
         return [whole]
     if whole.length <= MIN_MOVE:
         raise _UnevenCurve(begin)
-    with np.errstate(over="ignore", invalid="ignore"):  # where a polynomial is far from what it should follow
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # where a polynomial is far from what it should follow
         drawn = draw_by_length(whole)
         if not is_uneven(drawn):
             return [drawn]
     if halvings == 0:
         raise _UnevenCurve(begin)
     middle = (begin + end) / 2
-    first, last = (_by_length(piece, *span, halvings - 1) for span in ((begin, middle), (middle, end)))
+    first, last = (
+        _by_length(piece, *span, halvings - 1) for span in ((begin, middle), (middle, end))
+    )
     return [*first, *last]
 
 
@@ -202,11 +235,14 @@ def _refuse_far(pose: Expression, t: Array) -> None:
     away = np.abs(pose(t[:, None])[:, :3]).max(1)
     if (away > MAX_DISTANCE).any() and np.isfinite(away).all():
         k = int(np.argmax(away))
-        raise MotionError(f"it leads {away[k]:g} m away at t = {t[k]:.6g}; at most {MAX_DISTANCE:g} m can be taken")
+        raise MotionError(
+            f"it leads {away[k]:g} m away at t = {t[k]:.6g}; at most {MAX_DISTANCE:g} m can be taken"
+        )
 
 
 def prove_smooth(pose: Expression, begin: float, end: float) -> None:
-    """That the equations have finite derivatives everywhere, and |dp/dt| > 0: by enclosures over cells of t.
+    """That the equations have finite derivatives everywhere, and |dp/dt| > 0: by enclosures over
+    cells of t.
 
     Derivatives are enclosed up to the order PROVED_DERIVATIVES.
     Raises MotionError naming a t around which that is not so, or cannot be told from it.
@@ -244,19 +280,27 @@ def prove_smooth(pose: Expression, begin: float, end: float) -> None:
 
 
 def _place(low: Array, high: Array, chosen: np.ndarray) -> float:
-    """A number in or beside the first of some chosen cells, with no more digits than tell it from others."""
+    """A number in or beside the first of some chosen cells, with no more digits than tell it from
+    others.
+    """
     k = int(np.argmax(chosen))
     return round(float(low[k] + high[k]) / 2, int(np.floor(-np.log10(4 * (high[k] - low[k])))))
 
 
-def _find_doubtful_cells(pose: Expression, low: Array, high: Array) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) bool each: cells on which some derivative may be unbounded, and others on which the speed may be 0."""
+def _find_doubtful_cells(
+    pose: Expression, low: Array, high: Array
+) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) bool each: cells on which some derivative may be unbounded, and others on which the
+    speed may be 0.
+    """
     middle, half = (low + high) / 2, (high - low) / 2 * (1 + 1e-12)
     ones = np.ones_like(middle)
     t = Series(np.stack([middle, ones]), np.stack([half, 0 * ones]), PROVED_DERIVATIVES)
     found = Series.stack([*pose.enclose([t]), Series.zeros(PROVED_DERIVATIVES, low.shape)])
     with np.errstate(invalid="ignore", over="ignore"):
         rough = ~(np.isfinite(found.mid) & np.isfinite(found.rad)).all((0, 2))
-        speed = np.linalg.norm(found.mid[1, :, :3], axis=1) - np.linalg.norm(found.rad[1, :, :3], axis=1)
+        speed = np.linalg.norm(found.mid[1, :, :3], axis=1) - np.linalg.norm(
+            found.rad[1, :, :3], axis=1
+        )
     moves = rough | (speed > 0)
     return np.asarray(rough), np.asarray(~moves)

@@ -1,14 +1,17 @@
-"""Fitting: chains of short lines and arcs become smooth curves that stay within a tolerance of them, proved.
+"""Fitting: chains of short lines and arcs become smooth curves that stay within a tolerance of
+them, proved.
 
-A stream: pieces come in as they are drawn, and go out as curves, exact lines and arcs, and corners. What is looked at
-at once is a window of some hundred pieces, so that work grows with the path and memory does not.
+A stream: pieces come in as they are drawn, and go out as curves, exact lines and arcs, and corners.
+What is looked at at once is a window of some hundred pieces, so that work grows with the path and
+memory does not.
 
-A join between two pieces is a corner where the direction jumps by more than an angle, or by so much that no curve
-through the middles of both stays within the tolerance: there the curve ends, and what the program's join says of
-corners happens. Else it is smooth. A piece that is long beside what smoothing its ends needs stays what it is, and
-gives its ends to the curves; these meet it with three continuous derivatives. In between lies a quintic spline, near
-the chain in the least squares, whose spans are halved where they leave it by too much; windows follow each other with
-four. What is proved is `planner.path.closeness`.
+A join between two pieces is a corner where the direction jumps by more than an angle, or by so much
+that no curve through the middles of both stays within the tolerance: there the curve ends, and what
+the program's join says of corners happens. Else it is smooth. A piece that is long beside what
+smoothing its ends needs stays what it is, and gives its ends to the curves; these meet it with
+three continuous derivatives. In between lies a quintic spline, near the chain in the least squares,
+whose spans are halved where they leave it by too much; windows follow each other with four. What is
+proved is `planner.path.closeness`.
 """
 
 from bisect import bisect_right
@@ -25,14 +28,17 @@ from planner.path.shape import ARC, LINE, Drawn, Fitted, Piece, Shape, measure_t
 from planner.path.spline import SPLINE, STEADY_SPLINE, align_signs, smooth_spline
 from planner.program.modifiers import Fit, Join, Through
 
-# Pieces that are looked at at once, at first, at least and at most; and the spans that a window begins with.
+# Pieces that are looked at at once, at first, at least and at most; and the spans that a window
+# begins with.
 WINDOW, WINDOWS, WINDOW_SPANS = 96, (48, 1536), 4
-# Share of the tolerance that the spline is to leave unused, as its places are looked at, and what of it is tried next
-# where the proof says that it was too much.
+# Share of the tolerance that the spline is to leave unused, as its places are looked at, and what
+# of it is tried next where the proof says that it was too much.
 TARGET_SHARE, LESS, MAX_TRIES = 0.9, 0.85, 6
-# Sagitta, as a multiple of the tolerance, from which two pieces meet at a corner, whatever the angle.
+# Sagitta, as a multiple of the tolerance, from which two pieces meet at a corner, whatever the
+# angle.
 CORNER_SAGITTA = 1.5
-# A piece is long from so many times what a smooth end takes of it; that is at most so many tolerances.
+# A piece is long from so many times what a smooth end takes of it; that is at most so many
+# tolerances.
 LONG, MAX_END = 4.0, 400.0
 # Length of a curve, in tolerances, that a blend at a corner is kept to.
 TAIL = 16.0
@@ -46,7 +52,9 @@ NOTHING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class _Joint:
-    """Where two pieces meet: whether smoothly, and how much of either (m) a smooth passage takes."""
+    """Where two pieces meet: whether smoothly, and how much of either (m) a smooth passage
+    takes.
+    """
 
     smooth: bool
     reach: float = 0.0
@@ -57,7 +65,8 @@ CORNER = _Joint(False)
 
 @dataclass(slots=True)
 class _Unit:
-    """Part of a chain that becomes a curve: its pieces, and the derivatives that the curve has at its start.
+    """Part of a chain that becomes a curve: its pieces, and the derivatives that the curve has at
+    its start.
 
     start (m, 7) None: it begins at the place and orientation of its first piece, in any direction
     """
@@ -70,10 +79,11 @@ class _Unit:
 
 
 def fit_chains(drawn: Iterable[Drawn], characteristic: float) -> Iterator[Drawn]:
-    """The same path with curves instead of chains whose joins ask for a fit; what else there is as it comes.
+    """The same path with curves instead of chains whose joins ask for a fit; what else there is as
+    it comes.
 
-    Joins at corners that remain ask for a fit still: there it is a blend within what is left of the tolerance.
-    characteristic: m that count like a radian, the machine's characteristic length.
+    Joins at corners that remain ask for a fit still: there it is a blend within what is left of the
+    tolerance. characteristic: m that count like a radian, the machine's characteristic length.
     """
     unit: _Unit | None = None
     before = CORNER
@@ -113,7 +123,8 @@ def fit_chains(drawn: Iterable[Drawn], characteristic: float) -> Iterator[Drawn]
 def _find_joints(drawn: Iterable[Drawn], characteristic: float) -> Iterator[tuple[Drawn, _Joint]]:
     """Each segment, and how it meets the next.
 
-    Two that are long both meet in a blend, which then does as well; and so it is where the tolerance changes.
+    Two that are long both meet in a blend, which then does as well; and so it is where the
+    tolerance changes.
     """
     known = _pair_up(drawn, characteristic)
     before, held, join = CORNER, next(known, None), None
@@ -173,14 +184,18 @@ def _direction(piece: Piece, s: float) -> tuple[Array, Array]:
 
 
 def is_plain(pieces: Sequence[Piece]) -> bool:
-    """Whether a segment's pieces may become part of a curve: one line or arc that moves, without a constant speed."""
+    """Whether a segment's pieces may become part of a curve: one line or arc that moves, without a
+    constant speed.
+    """
     if len(pieces) != 1 or pieces[0].shape not in (LINE, ARC) or pieces[0].constant:
         return False
     return pieces[0].shape is ARC or bool(np.any(pieces[0].parameters[3:6]))
 
 
 def _derivatives(piece: Piece, s: float) -> Array:
-    """(4, 7) position and quaternion, and their first three derivatives, of a line or an arc at its own s."""
+    """(4, 7) position and quaternion, and their first three derivatives, of a line or an arc at its
+    own s.
+    """
     from scipy.spatial.transform import Rotation
 
     x, x1, x2, x3 = (values[0] for values in piece.derivatives(np.array([s])))
@@ -188,7 +203,9 @@ def _derivatives(piece: Piece, s: float) -> Array:
     found[:, :3] = x[:3], x1[:3], x2[:3], x3[:3]
     found[0, 3:] = Rotation.from_matrix(x[3:].reshape(3, 3)).as_quat()
     rate = piece.parameters[-1]
-    half = rate / 2 * piece.parameters[-4:-1]  # both shapes turn steadily about an axis: q′ = q ∘ (half, 0)
+    half = (
+        rate / 2 * piece.parameters[-4:-1]
+    )  # both shapes turn steadily about an axis: q′ = q ∘ (half, 0)
     for k in range(1, 4):
         found[k, 3:] = _multiply(found[k - 1, 3:], half)
     return found
@@ -225,7 +242,8 @@ def _advance(unit: _Unit) -> Iterator[Drawn]:
 
 @dataclass(frozen=True, slots=True)
 class _Spline:
-    """Spans between knots (K+1,), and what is proved of them; whole, or as far as a window goes that has more.
+    """Spans between knots (K+1,), and what is proved of them; whole, or as far as a window goes
+    that has more.
 
     shape, parameters (K, size): of the spans
     rest, state: what of the chain is left, and (5, 7) derivatives with which the next one begins
@@ -243,16 +261,23 @@ class _Spline:
         pieces = self._pieces(unit)
         proved, near = self.proved, TAIL * unit.tolerance
         head, tail = ((proved.s[:-1] < near), (proved.s[1:] > proved.s[-1] - near))
-        close = [(float(proved.position[part].max()), float(proved.angle[part].max())) for part in (head, tail)]
+        close = [
+            (float(proved.position[part].max()), float(proved.angle[part].max()))
+            for part in (head, tail)
+        ]
         worst = int(proved.position.argmax())
         s = float(proved.s[worst] + proved.s[worst + 1]) / 2
-        link = int(np.clip(np.searchsorted(proved.places, s, side="right") - 1, 0, len(self.links) - 1))
+        link = int(
+            np.clip(np.searchsorted(proved.places, s, side="right") - 1, 0, len(self.links) - 1)
+        )
         found = unit.tolerance, unit.angle, len(self.links), len(pieces), *proved.worst
         told = Fitted(*found, head=close[0], tail=close[1], s=s, segment=self.links[link].segment)
         yield Drawn(pieces, join, dwell, fitted=told)
 
     def _pieces(self, unit: _Unit) -> list[Piece]:
-        """Its spans, cut where caps change and a little before corners, each a part of the segment it is beside."""
+        """Its spans, cut where caps change and a little before corners, each a part of the segment
+        it is beside.
+        """
         ends = self.proved.places[1:].tolist()
         keys = [_caps(link) for link in self.links]
         cuts = [ends[k - 1] for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
@@ -280,11 +305,19 @@ class _Spline:
 
 
 def _caps(link: Piece) -> tuple[object, ...]:
-    return link.tool_speed, link.tool_acceleration, link.tool_jerk, link.angular_speed, link.repetition
+    return (
+        link.tool_speed,
+        link.tool_acceleration,
+        link.tool_jerk,
+        link.angular_speed,
+        link.repetition,
+    )
 
 
 def _fit(unit: _Unit, end: Array | None, spans: int, *, whole: bool) -> _Spline:
-    """The spline along a unit's links, proved as far as it is used: all of it, or the first half of its spans."""
+    """The spline along a unit's links, proved as far as it is used: all of it, or the first half of
+    its spans.
+    """
     track = Track(unit.links)
     start = _derivatives(unit.links[0], unit.links[0].start)[:1]
     origin = start[0] * np.array([1, 1, 1, 0, 0, 0, 0])
@@ -304,7 +337,10 @@ def _fit(unit: _Unit, end: Array | None, spans: int, *, whole: bool) -> _Spline:
         knots, powers = _refine(track, knots, origin, (first, last), unit, target)
         powers[:, 0] += origin[: powers.shape[2]]
         found = _prove(unit, knots, powers, whole)
-        use = max(worst / most for worst, most in zip(found.proved.worst, (unit.tolerance, unit.angle), strict=True))
+        use = max(
+            worst / most
+            for worst, most in zip(found.proved.worst, (unit.tolerance, unit.angle), strict=True)
+        )
         if use <= 1:
             return found
         target *= LESS
@@ -316,19 +352,25 @@ def _fit(unit: _Unit, end: Array | None, spans: int, *, whole: bool) -> _Spline:
 
 
 def _halve_open_spans(spline: _Spline, knots: Array, unit: _Unit) -> Array:
-    """The knots, and the middles of the spans where the proof finds the curve too far from the chain."""
+    """The knots, and the middles of the spans where the proof finds the curve too far from the
+    chain.
+    """
     proved = spline.proved
     far = (proved.position > unit.tolerance) | (proved.angle > unit.angle)
-    span = np.unique(np.searchsorted(knots, (proved.s[:-1] + proved.s[1:])[far] / 2, side="right") - 1)
+    span = np.unique(
+        np.searchsorted(knots, (proved.s[:-1] + proved.s[1:])[far] / 2, side="right") - 1
+    )
     return np.sort(np.concatenate([knots, (knots[:-1] + knots[1:])[span] / 2]))
 
 
 def _refine(
     track: Track, knots: Array, origin: Array, ends: tuple[Array, Array], unit: _Unit, target: float
 ) -> tuple[Array, Array]:
-    """Knots, halved until the spline between them is near the chain where that is looked at, and its coefficients.
+    """Knots, halved until the spline between them is near the chain where that is looked at, and
+    its coefficients.
 
-    ends: (m, 7) values and derivatives there, of position and quaternion; (m, 3) where the chain does not turn
+    ends: (m, 7) values and derivatives there, of position and quaternion; (m, 3) where the chain
+    does not turn
     """
     reach = unit.tolerance * target, unit.angle * target
     while True:
@@ -362,7 +404,8 @@ def _refine(
 
 
 def _sample(track: Track, knots: Array) -> tuple[Array, np.ndarray, Array]:
-    """Places s (N,) of a chain, the links (N,) that they are on, and the lengths (N,) that each stands for.
+    """Places s (N,) of a chain, the links (N,) that they are on, and the lengths (N,) that each
+    stands for.
 
     As close as the narrowest span beside a link asks.
     """
@@ -377,7 +420,9 @@ def _sample(track: Track, knots: Array) -> tuple[Array, np.ndarray, Array]:
 
 
 def _quaternions(x: Array, first: Array) -> Array:
-    """(N, 4) of poses (N, 12), each on the side of the one before it, the first on that of a given one."""
+    """(N, 4) of poses (N, 12), each on the side of the one before it, the first on that of a given
+    one.
+    """
     rows = x[:, 3:]
     if (rows == rows[0]).all():
         return np.tile(first, (len(rows), 1))
@@ -400,9 +445,13 @@ def _prove(unit: _Unit, knots: Array, powers: Array, whole: bool) -> _Spline:
     begin = unit.links[0]
     if powers.shape[2] == 3:
         rotation = begin.poses(np.array([begin.start]))[:, 3:]
-        shape, parameters = STEADY_SPLINE, np.hstack([parameters, np.repeat(rotation, count, axis=0)])
+        shape, parameters = (
+            STEADY_SPLINE,
+            np.hstack([parameters, np.repeat(rotation, count, axis=0)]),
+        )
     pieces = [
-        Piece(shape, freeze_array(row), float(h), 0) for row, h in zip(parameters, np.diff(knots)[:count], strict=True)
+        Piece(shape, freeze_array(row), float(h), 0)
+        for row, h in zip(parameters, np.diff(knots)[:count], strict=True)
     ]
     links, rest, state = unit.links, [], None
     if not whole:
@@ -415,7 +464,9 @@ def _prove(unit: _Unit, knots: Array, powers: Array, whole: bool) -> _Spline:
         around = np.arange(max(k - 1, 0), min(k + 2, len(links)))
         x = np.tile(state[0, :3], (len(around), 1))
         low, high = track.breaks[around], track.breaks[around + 1]
-        u = track.nearest(x, np.clip(np.full(len(around), knots[count]), low, high), around, low, high)
+        u = track.nearest(
+            x, np.clip(np.full(len(around), knots[count]), low, high), around, low, high
+        )
         away = np.linalg.norm(track.positions(u, around)[0] - x, axis=1)
         best = int(np.argmin(away))
         k, done = int(around[best]), float(u[best] - low[best])

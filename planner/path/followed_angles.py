@@ -35,7 +35,9 @@ def find_changed_angles(before: "Rotation", after: "Rotation") -> frozenset[str]
         return frozenset()
     one, other = find_angles(matrices)
     change: Array = np.remainder(other - one + np.pi, 2 * np.pi) - np.pi
-    return frozenset(name for name, angle in zip(ANGLES, change, strict=True) if abs(angle) > LEAST_TURN)
+    return frozenset(
+        name for name, angle in zip(ANGLES, change, strict=True) if abs(angle) > LEAST_TURN
+    )
 
 
 def find_turned_angles(turn: Turn, before: "Rotation") -> frozenset[str]:

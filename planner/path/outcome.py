@@ -1,4 +1,6 @@
-"""What became of a program's joins: blends, and curves that were fitted; as values, and as tables."""
+"""What became of a program's joins: blends, and curves that were fitted; as values, and as
+tables.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +24,8 @@ class Blended:
     tolerance   m, and angle (rad): what it may leave the unblended path by
     deviation   m, and turned (rad): by how much it does, at most (see planner.path.join_and_blend)
     reach       m of each segment that it takes the place of
-    half_of     the segments of which it takes half, or all that can be had, though the tolerance would allow more
+    half_of     the segments of which it takes half, or all that can be had, though the tolerance
+                would allow more
     stop        why the motion rests there instead, or ""
     fitted      whether it is a corner that a fit kept: what it leaves is proved then
     s           m of the path, in its middle
@@ -46,12 +49,16 @@ class Blended:
 
 
 def blend_tables(blends: Sequence[Blended]) -> tuple[Table, ...]:
-    """Return a table of the deviation of each blend from its corner and of its limit, if there are any."""
+    """Return a table of the deviation of each blend from its corner and of its limit, if there are
+    any.
+    """
     return tabulate("blends", blends, Column("note", [_note(blend) for blend in blends]))
 
 
 def describe_blends(blends: Sequence[Blended]) -> str:
-    """Return the number of blends, and of those replaced by stops, a few with reasons; "" without blends."""
+    """Return the number of blends, and of those replaced by stops, a few with reasons; "" without
+    blends.
+    """
     if not blends:
         return ""
     stops = [f"after segment {blend.segment}: {blend.stop}" for blend in blends if blend.stop]
@@ -68,11 +75,14 @@ def _note(blend: Blended) -> str:
 
 @dataclass(frozen=True, slots=True)
 class FitSummary:
-    """What fitting did to a path: pieces that curves took the place of, and theirs; corners that stay.
+    """What fitting did to a path: pieces that curves took the place of, and theirs; corners that
+    stay.
 
-    tolerance, deviation  m, the widest and the largest that is proved, corners included; turned: rad
+    tolerance, deviation  m, the widest and the largest that is proved, corners included; turned:
+                          rad
     rounded, stopped      corners at which the motion passes, and at which it rests
-    deviates_at           where the deviation is the largest: in the middle of a corner, or of the part of a curve
+    deviates_at           where the deviation is the largest: in the middle of a corner, or of the
+                          part of a curve
     """
 
     curves: Annotated[int, Fact("curves", "curves")]
@@ -86,13 +96,19 @@ class FitSummary:
     stopped: Annotated[int, Fact("corners_stopped", "corners with a stop")]
 
     def describe(self) -> str:
-        """How near to the program it is, where it is farthest from it, and what became of its corners."""
+        """How near to the program it is, where it is farthest from it, and what became of its
+        corners.
+        """
         at = self.deviates_at
         corners = f"{count_noun(self.rounded, 'corner')} rounded, {self.stopped} with a stop"
         near = f"within {1e6 * self.deviation:.4g} µm of the program (proved; tolerance {1e6 * self.tolerance:.4g} µm)"
         worst = f"farthest at {1e3 * at.s:.3f} mm, segment {at.segment}"
         curves = count_noun(self.curves, "curve")
-        made = f"{count_noun(self.before, 'piece')} became {self.after} in {curves}, " if self.before else ""
+        made = (
+            f"{count_noun(self.before, 'piece')} became {self.after} in {curves}, "
+            if self.before
+            else ""
+        )
         return f"{made}{near}, {worst}; {corners}"
 
 

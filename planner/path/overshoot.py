@@ -1,4 +1,6 @@
-"""Overshoot of splines: how far each curve leaves the polygon of its points, for reports and warnings."""
+"""Overshoot of splines: how far each curve leaves the polygon of its points, for reports and
+warnings.
+"""
 
 from collections.abc import Sequence
 
@@ -11,13 +13,14 @@ from planner.path.shape import Overshoot, Piece
 
 # Places of a piece at which its distance is measured.
 PIECE_PLACES = 33
-# Overshoot, as a share of the shortest chord nearby, above which a user is warned. The arc through points 90° apart
-# has 0.2 of its chord.
+# Overshoot, as a share of the shortest chord nearby, above which a user is warned. The arc through
+# points 90° apart has 0.2 of its chord.
 LARGE_SHARE = 0.5
 
 
 def measure_overshoot(points: Array, pieces: Sequence[Piece]) -> Overshoot:
-    """Measure how far the pieces of a spline through points (N+1, 3) leave their polygon, at PIECE_PLACES of each.
+    """Measure how far the pieces of a spline through points (N+1, 3) leave their polygon, at
+    PIECE_PLACES of each.
 
     The distance counts to the own chord or the one before or after, whichever is nearest.
     """
@@ -47,7 +50,10 @@ def _find_spans(points: Array, ends: Array) -> np.ndarray:
     for end in ends:
         spans.append(span)
         chord = points[span + 1] - points[span]
-        if np.linalg.norm(end - points[span + 1]) < 1e-6 * np.linalg.norm(chord) and span < len(points) - 2:
+        if (
+            np.linalg.norm(end - points[span + 1]) < 1e-6 * np.linalg.norm(chord)
+            and span < len(points) - 2
+        ):
             span += 1
     return np.array(spans)
 
@@ -76,9 +82,13 @@ def describe_overshoot(overshoots: Sequence[Overshoot]) -> str:
     if not overshoots:
         return ""
     worst = max(overshoots, key=lambda one: one.distance)
-    return f"up to {1e3 * worst.distance:.3g} mm, at {1e3 * worst.s:.3f} mm, segment {worst.segment}"
+    return (
+        f"up to {1e3 * worst.distance:.3g} mm, at {1e3 * worst.s:.3f} mm, segment {worst.segment}"
+    )
 
 
 def overshoot_tables(overshoots: Sequence[Overshoot]) -> tuple[Table, ...]:
     """Return a table of the overshoot of each spline; none where there is no spline."""
-    return tabulate("splines: how far they leave the straight lines through their points", overshoots)
+    return tabulate(
+        "splines: how far they leave the straight lines through their points", overshoots
+    )

@@ -1,4 +1,5 @@
-"""A program as the thesis' control runs one: from pose to pose by synchronised moves, with a rest at each.
+"""A program as the thesis' control runs one: from pose to pose by synchronised moves, with a rest
+at each.
 
 Such moves are straight in the axes alone; how far the tool leaves the straight line is measured.
 """
@@ -45,12 +46,14 @@ def synchronise(program: ProgramSource, machine: MachineSource) -> tuple[Program
     Returns
     -------
     Program, tuple
-        The program of moves, and the numbers of segments that end where they start: they have no move and are left out.
+        The program of moves, and the numbers of segments that end where they start: they have no
+        move and are left out.
 
     Raises
     ------
     MotionError
-        An end is not known, a trigger is on such a segment or inside a spline, or nothing moves at all.
+        An end is not known, a trigger is on such a segment or inside a spline, or nothing moves at
+        all.
     """
     program, machine = load_program(program), load_machine(machine)
     here = default_start(program, machine) if program.start is None else program.start
@@ -72,7 +75,9 @@ def synchronise(program: ProgramSource, machine: MachineSource) -> tuple[Program
             f"program {program.name}: every segment ends where it starts, so synchronised moves would not move at all; "
             "split it where it should stop, or omit --motion"
         )
-    changed = {name: getattr(program, name) for name in program.__dataclass_fields__} | {"segments": tuple(segments)}
+    changed = {name: getattr(program, name) for name in program.__dataclass_fields__} | {
+        "segments": tuple(segments)
+    }
     return Program(**changed), tuple(left_out)
 
 
@@ -97,7 +102,11 @@ def _has_turned(one: "Rotation", other: "Rotation") -> bool:
 def _refuse_trigger(trigger: Trigger | None, number: int, moves: int) -> None:
     """An event along a way that is not run any more."""
     if trigger is not None and moves != 1 and not (moves > 1 and trigger.at == 1):
-        what = "ends where it starts, so no move passes" if not moves else "becomes several moves, which part"
+        what = (
+            "ends where it starts, so no move passes"
+            if not moves
+            else "becomes several moves, which part"
+        )
         raise MotionError(
             f"segment {number}: it {what} its trigger {trigger.name}; put that on another segment"
         ).in_segment(number)
@@ -124,10 +133,12 @@ MOVE_POINTS = 513
 class Departure:
     """Of one synchronised move, as its pieces have it (blends take its ends).
 
-    distance  m, the farthest that the tool is from the straight line between the move's ends, and where
-    turned    rad, the farthest that its orientation is from the one that turns the shorter way in proportion to the
-              path; 0 where the machine does not control it
-    uneven    pulses, the farthest that any axis is from its own straight way, in proportion to the path
+    distance  m, the farthest that the tool is from the straight line between the move's ends, and
+              where
+    turned    rad, the farthest that its orientation is from the one that turns the shorter way in
+              proportion to the path; 0 where the machine does not control it
+    uneven    pulses, the farthest that any axis is from its own straight way, in proportion to the
+              path
     """
 
     where: Annotated[Place, Fact("where")]
@@ -155,7 +166,9 @@ def describe_departures(departures: "Sequence[Departure]") -> str:
 
 
 def departure_tables(departures: "Sequence[Departure]") -> tuple[Table, ...]:
-    """Return a table of the distance of each synchronised move from the straight line, if there are any."""
+    """Return a table of the distance of each synchronised move from the straight line, if there are
+    any.
+    """
     return tabulate("synchronised moves: straight in the axes, not in space", departures)
 
 
@@ -173,7 +186,9 @@ def _measure_departure(path: MachinePath, pieces: Sequence[int]) -> Departure:
         else np.zeros(MOVE_POINTS)
     )
     q = path.derivatives(s, piece, 0)[0]
-    uneven = np.abs(q - (q[0] + share[:, None] * (q[-1] - q[0]))) / [axis.pulse for axis in path.machine.axes]
+    uneven = np.abs(q - (q[0] + share[:, None] * (q[-1] - q[0]))) / [
+        axis.pulse for axis in path.machine.axes
+    ]
     k = int(np.argmax(off if off.max() > 0 else turned))
     where = path.place(float(s[k]), int(piece[k]))
     return Departure(where, float(off.max()), float(turned.max()), float(uneven.max()))

@@ -1,11 +1,17 @@
 """Axis values as a piecewise polynomial: a path without a machine.
 
-For timing it is drawn anew: cut where it stands, and straight stretches by their way. What the axes pass is the same,
-and `PolynomialPath.parameter` tells the given parameter of every place. A stretch that is straight in the axes, q = q₀
-+ g(s) d with rising g, may be timed as q = q₀ + σ d: its fastest motion is known in closed form, and neither where g′ =
-0 nor where g bends does anything happen in space. Elsewhere the path keeps its parameter, and rests where it stands
-(planner.path.stands): at order 2 that costs nothing, as no motion along a parameter has a speed there. At order 3 a
-motion that passes such a place has an acceleration there, q̈ = q″ ṡ², and a rest has none: either may be the faster, so
+For timing it is drawn anew: cut where it stands, and straight stretches by their way. What the axes
+pass is the same,
+and `PolynomialPath.parameter` tells the given parameter of every place. A stretch that is straight
+in the axes, q = q₀
++ g(s) d with rising g, may be timed as q = q₀ + σ d: its fastest motion is known in closed form,
+and neither where g′ =
+0 nor where g bends does anything happen in space. Elsewhere the path keeps its parameter, and rests
+where it stands
+(planner.path.stands): at order 2 that costs nothing, as no motion along a parameter has a speed
+there. At order 3 a
+motion that passes such a place has an acceleration there, q̈ = q″ ṡ², and a rest has none: either
+may be the faster, so
 both are given.
 """
 
@@ -17,14 +23,22 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
-from kinematics.foundation.kernels import FixedFloats3, FixedInts1, Floats1, Floats3, call_light, kernel
+from kinematics.foundation.kernels import (
+    FixedFloats3,
+    FixedInts1,
+    Floats1,
+    Floats3,
+    call_light,
+    kernel,
+)
 from kinematics.foundation.taylor_model import Series
 from planner.path.actuation import Derivatives
 from planner.path.rounding import bound_rounding
 from planner.path.stands import count_zero_derivatives, cut_at_slow_places, cut_at_stands
 from planner.place import Place
 
-# A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of any axis' largest.
+# A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of
+# any axis' largest.
 MAX_JUMP, VALUE_ROUNDING = 1e-9, 1e-13
 # Halvings that find a parameter: to rounding.
 BISECTIONS_OF_PARAMETER = 54
@@ -46,7 +60,8 @@ class PolynomialPath:
         lines: np.ndarray | None = None,
         origin: "PolynomialPath | None" = None,
     ) -> None:
-        """coefficients (degree+1, P, n), the highest power of s − breaks[p] first, as SciPy has them.
+        """coefficients (degree+1, P, n), the highest power of s − breaks[p] first, as SciPy has
+        them.
 
         rests   (P+1,) further places at which a motion rests: where the path stands
         lines   (P,) pieces that are straight, and drawn by their way
@@ -59,7 +74,9 @@ class PolynomialPath:
         self.origin = self if origin is None else origin
         self.rests = freeze_array(np.zeros(len(breaks), bool) if rests is None else rests)
         self.lines = freeze_array(np.zeros(len(breaks) - 1, bool) if lines is None else lines)
-        self.turns: Array = freeze_array(np.zeros(len(breaks) - 1))  # a piece of low degree bends little
+        self.turns: Array = freeze_array(
+            np.zeros(len(breaks) - 1)
+        )  # a piece of low degree bends little
 
     @cached_property
     def rounding(self) -> Array:
@@ -67,26 +84,39 @@ class PolynomialPath:
         return freeze_array(bound_rounding(self.breaks, self.coefficients))
 
     def stops(self, order: int) -> np.ndarray:
-        """Return where a motion rests: at corners (q′ jumps), under jerk limits also where q″ jumps."""
+        """Return where a motion rests: at corners (q′ jumps), under jerk limits also where q″
+        jumps.
+        """
         inner = np.arange(1, len(self.breaks) - 1)
-        left, right = self.derivatives(self.breaks[inner], inner - 1), self.derivatives(self.breaks[inner], inner)
+        left, right = (
+            self.derivatives(self.breaks[inner], inner - 1),
+            self.derivatives(self.breaks[inner], inner),
+        )
         stops = np.ones(len(self.breaks), bool)
         stops[inner] = self.rests[inner]
         still = count_zero_derivatives(self)
         turning = (still[1, :-1] > 0) & (still[0, 1:] > 0)  # there q′ is nothing but rounding
         size = np.maximum(np.abs(left[1]), np.abs(right[1]))
         most = np.maximum(size.max(0, initial=0.0), np.finfo(float).tiny)
-        # where the parameter is slow, ṡ is large: q̇ = q′ ṡ jumps by as much more, and q″ ṡ² by the square
+        # where the parameter is slow, ṡ is large: q̇ = q′ ṡ jumps by as much more, and q″ ṡ² by the
+        # square
         slow = np.where(turning[:, None], 1.0, (size / most).max(1, keepdims=True, initial=0.0))
         for k in range(1, order):
-            gap, size = np.abs(left[k] - right[k]), np.maximum(np.abs(left[k]), np.abs(right[k])).max(0, initial=0.0)
+            gap, size = (
+                np.abs(left[k] - right[k]),
+                np.maximum(np.abs(left[k]), np.abs(right[k])).max(0, initial=0.0),
+            )
             rounding = np.maximum(self.rounding[k, inner - 1], self.rounding[k, inner])
-            jumps = (gap > MAX_JUMP * size * slow**k + VALUE_ROUNDING * size.max(initial=0.0) + rounding).any(1)
+            jumps = (
+                gap > MAX_JUMP * size * slow**k + VALUE_ROUNDING * size.max(initial=0.0) + rounding
+            ).any(1)
             stops[inner] |= jumps & ~turning if k == 1 else jumps
         return stops
 
     def parameter(self, s: Array, piece: np.ndarray) -> Array:
-        """The parameter of the path as it was given: s itself, but on pieces that are drawn by their way."""
+        """The parameter of the path as it was given: s itself, but on pieces that are drawn by
+        their way.
+        """
         found = np.array(s, float)
         drawn = np.flatnonzero(self.lines[piece])
         if not len(drawn):
@@ -94,24 +124,36 @@ class PolynomialPath:
         own = piece[drawn]
         way, there = self.coefficients[-2, own], self.derivatives(found[drawn], own, 0)[0]
         axis = np.abs(way).argmax(1)[:, None]
-        rising, target = np.sign(np.take_along_axis(way, axis, 1)), np.take_along_axis(there, axis, 1)
+        rising, target = (
+            np.sign(np.take_along_axis(way, axis, 1)),
+            np.take_along_axis(there, axis, 1),
+        )
         low, high = self.breaks[own], self.breaks[own + 1]
         given = self.origin
         for _ in range(BISECTIONS_OF_PARAMETER):
             middle = (low + high) / 2
-            at = np.clip(np.searchsorted(given.breaks, middle, side="right") - 1, 0, len(given.breaks) - 2)
+            at = np.clip(
+                np.searchsorted(given.breaks, middle, side="right") - 1, 0, len(given.breaks) - 2
+            )
             value = np.take_along_axis(given.derivatives(middle, at, 0)[0], axis, 1)
             early = (rising * (value - target))[:, 0] < 0
             low, high = np.where(early, middle, low), np.where(early, high, middle)
         start, end = self.breaks[own], self.breaks[own + 1]
         near = MAX_JUMP * (end - start)  # of an end, where the given path may stand: rounding
-        at_ends = np.where(found[drawn] - start < near, start, np.where(end - found[drawn] < near, end, high))
+        at_ends = np.where(
+            found[drawn] - start < near, start, np.where(end - found[drawn] < near, end, high)
+        )
         found[drawn] = at_ends
         return found
 
     @property
     def content(self) -> Hashable:
-        return self.breaks.tobytes(), self.coefficients.shape, self.coefficients.tobytes(), self.names
+        return (
+            self.breaks.tobytes(),
+            self.coefficients.shape,
+            self.coefficients.tobytes(),
+            self.names,
+        )
 
     def constant(self, piece: int) -> None:
         return None
@@ -126,10 +168,14 @@ class PolynomialPath:
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         return self._evaluate(0, self.coefficients.shape[2], s, piece, highest)
 
-    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
+    def axis_derivatives(
+        self, axis: int, s: Array, piece: np.ndarray, highest: int = 3
+    ) -> Derivatives:
         return self._evaluate(axis, 1, s, piece, highest)
 
-    def _evaluate(self, axis: int, count: int, s: Array, piece: np.ndarray, highest: int) -> Derivatives:
+    def _evaluate(
+        self, axis: int, count: int, s: Array, piece: np.ndarray, highest: int
+    ) -> Derivatives:
         found = np.zeros((4, len(s), count))
         given = self.coefficients, axis, s - self.breaks[piece], piece, found
         if len(s) <= FEW_PLACES:
@@ -158,10 +204,14 @@ class PolynomialPath:
 
 
 @kernel
-def evaluate_polynomials(coefficients: FixedFloats3, axis: int, x: Floats1, piece: FixedInts1, found: Floats3) -> None:
-    """Fill found (4, N, m), zeros so far: the values of m axes from `axis` on, and their first three derivatives.
+def evaluate_polynomials(
+    coefficients: FixedFloats3, axis: int, x: Floats1, piece: FixedInts1, found: Floats3
+) -> None:
+    """Fill found (4, N, m), zeros so far: the values of m axes from `axis` on, and their first
+    three derivatives.
 
-    coefficients (d + 1, P, n), the highest power first, of which piece (N,) and x (N,) from its start: Horner's scheme.
+    coefficients (d + 1, P, n), the highest power first, of which piece (N,) and x (N,) from its
+    start: Horner's scheme.
     """
     for k in range(len(x)):
         for c in range(found.shape[2]):
@@ -171,16 +221,23 @@ def evaluate_polynomials(coefficients: FixedFloats3, axis: int, x: Floats1, piec
                 half_q2 = half_q2 * x[k] + q1
                 q1 = q1 * x[k] + q
                 q = q * x[k] + coefficients[i, piece[k], axis + c]
-            found[0, k, c], found[1, k, c], found[2, k, c], found[3, k, c] = q, q1, 2 * half_q2, 6 * sixth_q3
+            found[0, k, c], found[1, k, c], found[2, k, c], found[3, k, c] = (
+                q,
+                q1,
+                2 * half_q2,
+                6 * sixth_q3,
+            )
 
 
-# Share of an axis' extent by which a stretch may leave its chord and be straight, and of its values: rounding.
+# Share of an axis' extent by which a stretch may leave its chord and be straight, and of its
+# values: rounding.
 STRAIGHTNESS_SHARE, COEFFICIENT_ROUNDING = 1e-12, 4e-16
 
 
 @dataclass(frozen=True, slots=True)
 class PathSection:
-    """Pieces between two places at which every motion rests: resting inside where the path stands, or passing that.
+    """Pieces between two places at which every motion rests: resting inside where the path stands,
+    or passing that.
 
     passing: ways of passing some of these places, or all; none where nothing is to be passed
     """
@@ -212,13 +269,24 @@ def cut_sections(path: PolynomialPath, order: int) -> list[PathSection]:
         turns = [k for k in range(first + 1, last) if both[k] == 1 and k not in inner]
         passing = []
         if order == 3 and last - first <= MOST_PIECES:
-            numbers = [len(turns)] if turns and (last - first <= FEW_PIECES or len(turns) <= MOST_PASSED) else []
+            numbers = (
+                [len(turns)]
+                if turns and (last - first <= FEW_PIECES or len(turns) <= MOST_PASSED)
+                else []
+            )
             numbers += [MOST_PASSED] if len(turns) > MOST_PASSED else []
-            passing = [_draw_passing(drawn, (first, last), own, both, turns, count) for count in numbers]
+            passing = [
+                _draw_passing(drawn, (first, last), own, both, turns, count) for count in numbers
+            ]
         slow = _find_slow_places(drawn, first, last) if order == 2 else []
         if slow:
             passing.append(
-                _draw_path(drawn, parts, {a for a, b in own}, (both > 0) | np.isin(np.arange(len(both)), slow))
+                _draw_path(
+                    drawn,
+                    parts,
+                    {a for a, b in own},
+                    (both > 0) | np.isin(np.arange(len(both)), slow),
+                )
             )
         found.append(PathSection(resting, tuple(passing)))
     return found
@@ -235,10 +303,16 @@ SLOW_SHARE = 1e-6
 
 
 def _find_slow_places(path: PolynomialPath, first: int, last: int) -> list[int]:
-    """Find breaks inside a section at which q′ is almost 0, and less than at the breaks on both sides."""
+    """Find breaks inside a section at which q′ is almost 0, and less than at the breaks on both
+    sides.
+    """
     inner = np.arange(first, last + 1)
     size = np.abs(path.derivatives(path.breaks[inner], np.minimum(inner, last - 1), 1)[1]).max(1)
-    least = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < SLOW_SHARE * size.max())
+    least = (
+        (size[1:-1] <= size[:-2])
+        & (size[1:-1] <= size[2:])
+        & (size[1:-1] < SLOW_SHARE * size.max())
+    )
     return [int(k) for k in inner[1:-1][least]]
 
 
@@ -250,18 +324,24 @@ def _draw_passing(
     turns: Sequence[int],
     count: int,
 ) -> PolynomialPath:
-    """Draw a section for motions that pass `count` turns, between the longest ways, and rest at the others.
+    """Draw a section for motions that pass `count` turns, between the longest ways, and rest at the
+    others.
 
     section: first break and last; stretches of it that are straight from rest to rest
-    still (P+1,)  how many derivatives are nothing on both sides of a break; turns: breaks at which q′ alone is
+    still (P+1,)  how many derivatives are nothing on both sides of a break; turns: breaks at which
+                  q′ alone is
     """
     first, last = section
     ends = [first, *(k for k in range(first + 1, last) if still[k] > 0), last]
-    values = np.concatenate([path.coefficients[-1], path.derivatives(path.breaks[-1:], _last_piece(path), 0)[0]])
+    values = np.concatenate(
+        [path.coefficients[-1], path.derivatives(path.breaks[-1:], _last_piece(path), 0)[0]]
+    )
     way = {k: float(np.abs(values[k] - values[at]).max()) for at, k in pairwise(ends)}
     after = {at: way[k] for at, k in pairwise(ends)}
     passed = set(sorted(turns, key=lambda k: -min(way[k], after[k]))[:count])
-    lines = [(a, b) for a, b in stretches if not passed & {a, b}] if len(passed) < len(turns) else []
+    lines = (
+        [(a, b) for a, b in stretches if not passed & {a, b}] if len(passed) < len(turns) else []
+    )
     covered = {k for a, b in lines for k in range(a, b)}
     parts = sorted([*lines, *((k, k + 1) for k in range(first, last) if k not in covered)])
     rests = still > 0
@@ -281,13 +361,17 @@ def join_sections(parts: Sequence[PolynomialPath]) -> PolynomialPath:
     coefficients = np.concatenate([part.coefficients for part in parts], 1)
     lines = np.concatenate([part.lines for part in parts])
     origin = parts[0].origin
-    return PolynomialPath(breaks, coefficients, parts[0].names, speeds, rests=rests, lines=lines, origin=origin)
+    return PolynomialPath(
+        breaks, coefficients, parts[0].names, speeds, rests=rests, lines=lines, origin=origin
+    )
 
 
 def _draw_path(
     path: PolynomialPath, parts: Sequence[tuple[int, int]], lines: set[int], rests: np.ndarray
 ) -> PolynomialPath:
-    """Parts (first piece, the one after the last) of a path, those that begin with one of `lines` as such."""
+    """Parts (first piece, the one after the last) of a path, those that begin with one of `lines`
+    as such.
+    """
     at = [first for first, _ in parts]
     after = parts[-1][1]
     coefficients = path.coefficients[:, at].copy()
@@ -295,10 +379,17 @@ def _draw_path(
     whole = len(path.breaks) - 1
     for n, (first, last) in enumerate(parts):
         if first in lines:
-            end = values[last] if last < whole else path.derivatives(path.breaks[-1:], np.array([whole - 1]), 0)[0][0]
+            end = (
+                values[last]
+                if last < whole
+                else path.derivatives(path.breaks[-1:], np.array([whole - 1]), 0)[0][0]
+            )
             coefficients[:-2, n] = 0.0
             coefficients[-2, n] = (end - values[first]) / (path.breaks[last] - path.breaks[first])
-    speeds = (path.end_speeds[0] if at[0] == 0 else 0.0), (path.end_speeds[1] if after == whole else 0.0)
+    speeds = (
+        (path.end_speeds[0] if at[0] == 0 else 0.0),
+        (path.end_speeds[1] if after == whole else 0.0),
+    )
     return PolynomialPath(
         path.breaks[[*at, after]],
         coefficients,
@@ -311,21 +402,30 @@ def _draw_path(
 
 
 def _find_stretches(path: PolynomialPath, ends: np.ndarray) -> Iterator[tuple[int, int]]:
-    """First piece and the one after the last of every longest straight stretch from an end to an end (P+1,).
+    """First piece and the one after the last of every longest straight stretch from an end to an
+    end (P+1,).
 
-    ends: where a motion rests, or the path stands on one side. Not those that are lines by their way already, nor what
-    begins or ends at a speed: that is one of the parameter given.
+    ends: where a motion rests, or the path stands on one side. Not those that are lines by their
+    way already, nor what begins or ends at a speed: that is one of the parameter given.
     """
     count = path.coefficients.shape[1]
     straight, extent = _find_straight(path)
-    values = np.concatenate([path.coefficients[-1], path.derivatives(path.breaks[-1:], np.array([count - 1]), 0)[0]])
+    values = np.concatenate(
+        [path.coefficients[-1], path.derivatives(path.breaks[-1:], np.array([count - 1]), 0)[0]]
+    )
     first = 0
     while first < count:
         last = first + 1
         if straight[first]:
-            while last < count and straight[last] and _follows_line(values[first : last + 2], extent[first : last + 1]):
+            while (
+                last < count
+                and straight[last]
+                and _follows_line(values[first : last + 2], extent[first : last + 1])
+            ):
                 last += 1
-            moving = (first == 0 and path.end_speeds[0] > 0) or (last == count and path.end_speeds[1] > 0)
+            moving = (first == 0 and path.end_speeds[0] > 0) or (
+                last == count and path.end_speeds[1] > 0
+            )
             done = not path.coefficients[:-2, first:last].any() and not ends[first + 1 : last].any()
             if ends[first] and ends[last] and not moving and not done:
                 yield first, last
@@ -333,7 +433,8 @@ def _find_stretches(path: PolynomialPath, ends: np.ndarray) -> Iterator[tuple[in
 
 
 def _find_straight(path: PolynomialPath) -> tuple[np.ndarray, Array]:
-    """Whether each piece (P,) runs along its chord, and by how much each axis changes over it (P, n).
+    """Whether each piece (P,) runs along its chord, and by how much each axis changes over it (P,
+    n).
 
     It runs forwards, as it is cut where it stands.
     """

@@ -1,4 +1,6 @@
-"""Rounding of a piecewise polynomial's derivatives, as far as its own coefficients leave them open."""
+"""Rounding of a piecewise polynomial's derivatives, as far as its own coefficients leave them
+open.
+"""
 
 import numpy as np
 
@@ -12,10 +14,12 @@ MOST_ROUNDING = np.array([0.0, 1e-8, 1e-6])
 
 
 def bound_rounding(breaks: Array, coefficients: Array) -> Array:
-    """(3, P, n) of q, q′ and q″ at the ends of each piece, from coefficients (degree+1, P, n); 0 of q.
+    """(3, P, n) of q, q′ and q″ at the ends of each piece, from coefficients (degree+1, P, n); 0 of
+    q.
 
-    Splines compute coefficients of a piece of length h from values and slopes, q″ from q/h² and q′/h. So an axis that
-    is linear in the parameter has a q″ of rounding alone, and jumps of it at every knot.
+    Splines compute coefficients of a piece of length h from values and slopes, q″ from q/h² and
+    q′/h. So an axis that is linear in the parameter has a q″ of rounding alone, and jumps of it at
+    every knot.
     """
     h = np.diff(breaks)[:, None]
     sizes = [np.zeros(coefficients.shape[1:])] * 3

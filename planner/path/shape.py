@@ -1,8 +1,10 @@
-"""What a smooth piece of path is: a shape (one expression of path length and parameters) and its numbers.
+"""What a smooth piece of path is: a shape (one expression of path length and parameters) and its
+numbers.
 
-Straight lines and turns on the spot, each with its own meaning of path length; circular arcs in any plane, by any
-signed angle, and helices, which rise along their normal; and orientation left free along a segment: a turn about the
-tool's own axis, and a tilt of that axis within a cone. The platform's path takes a tool along the tool's own.
+Straight lines and turns on the spot, each with its own meaning of path length; circular arcs in any
+plane, by any signed angle, and helices, which rise along their normal; and orientation left free
+along a segment: a turn about the tool's own axis, and a tilt of that axis within a cone. The
+platform's path takes a tool along the tool's own.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -37,9 +39,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A family of curves in SE(3): motion(s, parameters) -> (position, rotation) for s from 0, with `size` parameters.
+    """A family of curves in SE(3): motion(s, parameters) -> (position, rotation) for s from 0, with
+    `size` parameters.
 
-    Adding a shape is one file with one such function; derivatives, bounds and kinematics follow from it.
+    Adding a shape is one file with one such function; derivatives, bounds and kinematics follow
+    from it.
     """
 
     name: str
@@ -49,7 +53,8 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """The motion of a shape that is made of others, of a number or of formulas: rule(*of, s, parameters).
+    """The motion of a shape that is made of others, of a number or of formulas: rule(*of, s,
+    parameters).
 
     Its values compare equal in other processes too, so each process builds the maps of a shape
     once. A function that is defined inside another one cannot be sent to a process.
@@ -64,14 +69,17 @@ class Derived:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A curve of a shape over a path length (m), from the shape's own s = start, of the program's segment `segment`.
+    """A curve of a shape over a path length (m), from the shape's own s = start, of the program's
+    segment `segment`.
 
-    Path length is the path's parameter: the way of the platform's origin on lines and arcs, nearly so on
-    splines, never less than the way on blends, and angle times a length on turns. Where a constant speed is asked
-    for it is the way on all of them (planner.path.arc_length).
+    Path length is the path's parameter: the way of the platform's origin on lines and arcs, nearly
+    so on splines, never less than the way on blends, and angle times a length on turns. Where a
+    constant speed is asked for it is the way on all of them (planner.path.arc_length).
 
-    turn        rad by which its direction or the platform turns in all: how finely it must be looked at
-    tool_speed, tool_acceleration, tool_jerk  caps of the tool, m/s, m/s², m/s³ (None: none, or it does not move)
+    turn        rad by which its direction or the platform turns in all: how finely it must be
+                looked at
+    tool_speed, tool_acceleration, tool_jerk  caps of the tool, m/s, m/s², m/s³ (None: none, or it
+                                              does not move)
     angular_speed  cap on the platform's turning, rad/s
     constant    the tool has exactly that speed, outside the ramps at the ends of the segment
     repetition  of the program, from 1; None: it runs once
@@ -92,19 +100,32 @@ class Piece:
 
     @property
     def content(self) -> Hashable:
-        """All that decides its geometry and its caps: every field but the numbers of segment and repetition."""
-        caps = self.tool_speed, self.tool_acceleration, self.tool_jerk, self.angular_speed, self.constant
+        """All that decides its geometry and its caps: every field but the numbers of segment and
+        repetition.
+        """
+        caps = (
+            self.tool_speed,
+            self.tool_acceleration,
+            self.tool_jerk,
+            self.angular_speed,
+            self.constant,
+        )
         return self.shape, self.parameters.tobytes(), self.length, self.start, self.turn, caps
 
     def cut(self, count: int) -> "list[Piece]":
         """The same curve in equal parts."""
         length, turn = self.length / count, self.turn / count
-        return [replace(self, length=length, turn=turn, start=self.start + k * length) for k in range(count)]
+        return [
+            replace(self, length=length, turn=turn, start=self.start + k * length)
+            for k in range(count)
+        ]
 
     def trim(self, before: float, after: float) -> "Piece":
         """The same curve without its first and its last lengths."""
         length = self.length - before - after
-        return replace(self, length=length, turn=self.turn * length / self.length, start=self.start + before)
+        return replace(
+            self, length=length, turn=self.turn * length / self.length, start=self.start + before
+        )
 
     def poses(self, s: Array) -> Array:
         """The pose's twelve numbers (N, 12) at the shape's own s (N,)."""
@@ -120,12 +141,13 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A curve instead of some pieces: how many, and how many it has; by how much it leaves them at most, proved.
+    """A curve instead of some pieces: how many, and how many it has; by how much it leaves them at
+    most, proved.
 
     tolerance, angle   m and rad
     deviation, turned  m and rad; head, tail: likewise, near its start and near its end
-    s, segment         m, where it deviates most: along the curve as it is made, along the whole path as it is linked;
-                       and the segment there
+    s, segment         m, where it deviates most: along the curve as it is made, along the whole
+                       path as it is linked; and the segment there
     """
 
     tolerance: float
@@ -144,9 +166,12 @@ class Fitted:
 class Overshoot:
     """How far a spline leaves the polygon of its points.
 
-    distance, s    m, the largest distance, and where: along the spline as it is drawn, along the path as it is linked
-    point          number of the point at the end of the span with the largest distance per chord nearby
-    beyond, chord  m, the largest distance there, and the shortest of that span's chord and its neighbours'
+    distance, s    m, the largest distance, and where: along the spline as it is drawn, along the
+                   path as it is linked
+    point          number of the point at the end of the span with the largest distance per chord
+                   nearby
+    beyond, chord  m, the largest distance there, and the shortest of that span's chord and its
+                   neighbours'
     """
 
     segment: Annotated[int, Fact("segment", "segment")]
@@ -154,12 +179,15 @@ class Overshoot:
     s: Annotated[float, Fact("at_m", "at", "m", "human", ".3f")]
     point: Annotated[int, Fact("worst_span_to_point", "worst span, to point")]
     beyond: Annotated[float, Fact("worst_span_off_m", "worst span off", "m", "human", ".4g")]
-    chord: Annotated[float, Fact("shortest_chord_nearby_m", "shortest chord nearby", "m", "human", ".4g")]
+    chord: Annotated[
+        float, Fact("shortest_chord_nearby_m", "shortest chord nearby", "m", "human", ".4g")
+    ]
 
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """A segment as it is drawn: its pieces, smooth inside; the join at its end, and s of rest there.
+    """A segment as it is drawn: its pieces, smooth inside; the join at its end, and s of rest
+    there.
 
     pieces  none: a rest before the path begins
     plain   whether it may become part of a curve (planner.path.fit)
@@ -181,18 +209,24 @@ class Drawn:
 def pose_map(shape: Shape) -> Expression:
     """(s, parameters) -> the twelve pose numbers."""
     s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size)
-    return Expression(f"{shape.name}_pose", ca.vertcat(s, parameters), column(*shape.motion(s, parameters)))
+    return Expression(
+        f"{shape.name}_pose", ca.vertcat(s, parameters), column(*shape.motion(s, parameters))
+    )
 
 
 @cache
 def pose_derivatives_map(shape: Shape) -> Expression:
     s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size)
-    return differentiate(f"{shape.name}_moved", column(*shape.motion(s, parameters)), s, ca.vertcat(s, parameters))
+    return differentiate(
+        f"{shape.name}_moved", column(*shape.motion(s, parameters)), s, ca.vertcat(s, parameters)
+    )
 
 
 @cache
 def position_map(shape: Shape) -> Expression:
-    """(s, parameters) -> the position and its first two derivatives (9,): a tenth of the work for all numbers."""
+    """(s, parameters) -> the position and its first two derivatives (9,): a tenth of the work for
+    all numbers.
+    """
     return pose_derivatives_map(shape).select_rows([0, 1, 2, 12, 13, 14, 24, 25, 26])
 
 
@@ -203,12 +237,16 @@ def _first_derivative_map(shape: Shape) -> Expression:
 
 
 def split_derivatives(values: Array) -> tuple[Array, Array, Array, Array]:
-    """Return views of x, x′, x″, x‴, each (N, 12), in the values (N, 48) of a `pose_derivatives_map`."""
+    """Return views of x, x′, x″, x‴, each (N, 12), in the values (N, 48) of a
+    `pose_derivatives_map`.
+    """
     x, x1, x2, x3 = values.reshape(-1, 4, 12).swapaxes(0, 1)
     return x, x1, x2, x3
 
 
-def differentiate(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX, highest: int = 3) -> Expression:
+def differentiate(
+    name: str, values: ca.SX, s: ca.SX, inputs: ca.SX, highest: int = 3
+) -> Expression:
     """Inputs -> values and their derivatives by s, one after the other."""
     orders = [values]
     for _ in range(highest):
@@ -228,7 +266,9 @@ def measure_turns(pieces: Sequence[Piece]) -> list[Piece]:
         for first in range(0, len(alike), PIECES_AT_ONCE):
             batch = alike[first : first + PIECES_AT_ONCE]
             angles = turning_angles(batch).tolist()
-            measured += [replace(piece, turn=angle) for piece, angle in zip(batch, angles, strict=True)]
+            measured += [
+                replace(piece, turn=angle) for piece, angle in zip(batch, angles, strict=True)
+            ]
     return measured
 
 
@@ -252,12 +292,15 @@ def turning_angles(pieces: Sequence[Piece], points: int = 33) -> Array:
     return np.asarray((turned + bent * moving).sum(1))
 
 
-# A turn so near (rad) to half a turn goes one way or the other by rounding: that of numbers with eight digits.
+# A turn so near (rad) to half a turn goes one way or the other by rounding: that of numbers with
+# eight digits.
 HALF_TURN_ROUNDING = 1e-7
 
 
 def refuse_half_turn(angle: float) -> None:
-    """Raise MotionError where an angle (rad) of the shorter way between two orientations leaves its direction open."""
+    """Raise MotionError where an angle (rad) of the shorter way between two orientations leaves its
+    direction open.
+    """
     if angle >= np.pi - HALF_TURN_ROUNDING:
         raise MotionError(
             f"it turns by half a turn, {np.degrees(angle):.9g}°, which both directions do alike: lead it through an "
@@ -269,10 +312,14 @@ LINE = Shape("line", STRAIGHT_SIZE, straight_pose)
 
 
 def line(start: "Pose", end: "Pose", length: float, segment: int) -> Piece:
-    """The straight motion from start to end over a length, turning the shorter way in proportion to the path."""
+    """The straight motion from start to end over a length, turning the shorter way in proportion to
+    the path.
+    """
     turn = turn_angle(start, end)
     refuse_half_turn(turn)
-    return Piece(LINE, freeze_array(straight_parameters(start, end, length)[0]), length, segment, turn=turn)
+    return Piece(
+        LINE, freeze_array(straight_parameters(start, end, length)[0]), length, segment, turn=turn
+    )
 
 
 def turn_angle(start: "Pose", end: "Pose") -> float:
@@ -281,21 +328,30 @@ def turn_angle(start: "Pose", end: "Pose") -> float:
 
 
 def turn(start: "Pose", axis: Array, angle: float, characteristic: float, segment: int) -> Piece:
-    """On the spot about a unit axis of the moving frame, by a signed angle; `characteristic` m of path for a radian."""
+    """On the spot about a unit axis of the moving frame, by a signed angle; `characteristic` m of
+    path for a radian.
+    """
     place, rows = np.split(to_numbers(start)[0], [3])
     rate = np.sign(angle) / characteristic
     length = abs(angle) * characteristic
     return Piece(
-        LINE, freeze_array(np.concatenate([place, np.zeros(3), rows, axis, [rate]])), length, segment, turn=abs(angle)
+        LINE,
+        freeze_array(np.concatenate([place, np.zeros(3), rows, axis, [rate]])),
+        length,
+        segment,
+        turn=abs(angle),
     )
 
 
 def _motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
     """p = c + u cos(ks) + v sin(ks) + h s, R = R0 exp(s · rate · axis×).
 
-    u is the start's radius vector, v = normal × u, k the angle and h (along the normal) the rise by path length.
+    u is the start's radius vector, v = normal × u, k the angle and h (along the normal) the rise by
+    path length.
     """
-    centre, u, v, angle_rate, rise_rate, r0, axis, rate = ca.vertsplit(parameters, [0, 3, 6, 9, 10, 13, 22, 25, 26])
+    centre, u, v, angle_rate, rise_rate, r0, axis, rate = ca.vertsplit(
+        parameters, [0, 3, 6, 9, 10, 13, 22, 25, 26]
+    )
     turn = angle_rate * s
     position = centre + u * ca.cos(turn) + v * ca.sin(turn) + rise_rate * s
     return position, rotate_about(ca.reshape(r0, 3, 3).T, axis, rate * s)
@@ -317,14 +373,18 @@ def arc(
     segment: int,
     rise: float = 0.0,
 ) -> Piece:
-    """Return the arc from a pose about `centre` by the signed angle, right hand about the unit normal.
+    """Return the arc from a pose about `centre` by the signed angle, right hand about the unit
+    normal.
 
     start    numbers of the pose (12,)
-    turning  unit axis in the moving frame and angle (rad), by which the pose turns up to the end (4,)
+    turning  unit axis in the moving frame and angle (rad), by which the pose turns up to the end
+             (4,)
     rise     m, along the normal: makes it a helix, of length √((radius · angle)² + rise²)
     """
     position, rows = np.split(start, [3])
-    centre = centre + ((position - centre) @ normal) * normal  # in the start's own plane, to the last digit
+    centre = (
+        centre + ((position - centre) @ normal) * normal
+    )  # in the start's own plane, to the last digit
     u = position - centre
     length = float(np.hypot(np.linalg.norm(u) * angle, rise))
     axis, turn = turning[:3], float(turning[3])
@@ -351,9 +411,11 @@ CONTROL_SLICE = slice(2, 2 + CONTROL_COUNT)
 
 
 def free_piece(piece: Piece, controls: Array, offset: float, length: float) -> Piece:
-    """The piece with its frame turned in itself by Rx(α) Ry(β) Rz(ψ); its origin and its path length stay.
+    """The piece with its frame turned in itself by Rx(α) Ry(β) Rz(ψ); its origin and its path
+    length stay.
 
-    controls        (3, DEGREE + 1) rad: Bernstein coefficients of α, β, ψ over the segment's path length, 0 to 1
+    controls        (3, DEGREE + 1) rad: Bernstein coefficients of α, β, ψ over the segment's path
+                    length, 0 to 1
     offset, length  m: where the piece begins in its segment, and the segment's length
     """
     numbers = np.concatenate([[offset - piece.start, length], controls.ravel(), piece.parameters])
@@ -363,7 +425,9 @@ def free_piece(piece: Piece, controls: Array, offset: float, length: float) -> P
 @cache
 def _freed_shape(shape: Shape) -> Shape:
     """R = R_0(s) Rx(α(u)) Ry(β(u)) Rz(ψ(u)) with u = (s + offset)/length."""
-    return Shape(f"{shape.name}_freed", 2 + CONTROL_COUNT + shape.size, Derived(_freed_motion, (shape,)))
+    return Shape(
+        f"{shape.name}_freed", 2 + CONTROL_COUNT + shape.size, Derived(_freed_motion, (shape,))
+    )
 
 
 def _freed_motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -371,8 +435,12 @@ def _freed_motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.
         parameters, [0, 1, 2, 2 + CONTROL_COUNT, 2 + CONTROL_COUNT + shape.size]
     )
     position, rotation = shape.motion(s, own)
-    alpha, beta, psi = ca.vertsplit(ca.reshape(controls, DEGREE + 1, 3).T @ bernstein_weights((s + offset) / length))
-    return position, rotation @ axis_rotation(0, alpha) @ axis_rotation(1, beta) @ axis_rotation(2, psi)
+    alpha, beta, psi = ca.vertsplit(
+        ca.reshape(controls, DEGREE + 1, 3).T @ bernstein_weights((s + offset) / length)
+    )
+    return position, rotation @ axis_rotation(0, alpha) @ axis_rotation(1, beta) @ axis_rotation(
+        2, psi
+    )
 
 
 def bernstein_weights(u: ca.SX) -> ca.SX:
@@ -392,7 +460,9 @@ def axis_rotation(axis: int, angle: ca.SX) -> ca.SX:
 
 
 def carry_tool(piece: Piece, tool: "Pose") -> Piece:
-    """The platform's way P(s) = T(s) · tool⁻¹ under the tool's way T(s); path length stays the tool's own."""
+    """The platform's way P(s) = T(s) · tool⁻¹ under the tool's way T(s); path length stays the
+    tool's own.
+    """
     parameters = np.concatenate([piece.parameters, to_numbers(tool.inv())[0]])
     return replace(piece, shape=_carried_shape(piece.shape), parameters=freeze_array(parameters))
 
@@ -411,7 +481,10 @@ def _carried_motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, c
 
 
 def tool_map(tool: "Pose") -> Expression:
-    """The platform's twelve numbers -> the tool's, P · tool. It is linear, so it maps their derivatives too."""
+    """The platform's twelve numbers -> the tool's, P · tool.
+
+    It is linear, so it maps their derivatives too.
+    """
     x, constant = ca.SX.sym("x", 12), ca.SX(to_numbers(tool)[0])
     (position, rotation), (offset, turn) = split_pose_symbols(x), split_pose_symbols(constant)
     return Expression("tool", x, column(position + rotation @ offset, rotation @ turn))

@@ -1,10 +1,12 @@
-"""Splines: curves through points with three continuous derivatives by their length, which stay near the polygon.
+"""Splines: curves through points with three continuous derivatives by their length, which stay near
+the polygon.
 
-The curve is drawn over the square roots of its chords, u (centripetal; E. Lee, Choosing nodes in parametric curve
-interpolation, 1989). There the natural cubic spline leaves no chord by more than three quarters of its length: its
-second derivative is nowhere above 6, so that a span h = √d leaves its chord by 6 h²/8 at most (M. Floater, On the
-deviation of a parametric cubic spline interpolant from its data polygon, 2008). The natural quintic spline is fairer
-but has no such bound; each knot takes its derivatives as far as they are near the cubic's.
+The curve is drawn over the square roots of its chords, u (centripetal; E. Lee, Choosing nodes in
+parametric curve interpolation, 1989). There the natural cubic spline leaves no chord by more than
+three quarters of its length: its second derivative is nowhere above 6, so that a span h = √d leaves
+its chord by 6 h²/8 at most (M. Floater, On the deviation of a parametric cubic spline interpolant
+from its data polygon, 2008). The natural quintic spline is fairer but has no such bound; each knot
+takes its derivatives as far as they are near the cubic's.
 """
 
 from functools import partial
@@ -24,7 +26,8 @@ if TYPE_CHECKING:
 
 # Degree of curves that are fitted to chains.
 DEGREE = 5
-# Degree of curves through points: a value and three derivatives are given at both ends of each piece.
+# Degree of curves through points: a value and three derivatives are given at both ends of each
+# piece.
 HERMITE_DEGREE = 7
 # Places of a span at which its speed is sampled.
 SPAN_POINTS = 201
@@ -35,17 +38,20 @@ MIN_QUATERNION_PRODUCT = 0.5
 # Two points are near-duplicates if their chord is within this share of the shorter neighbouring
 # chord, or of the longest chord.
 DUPLICATE_SHARES = 1e-4, 1e-6
-# How far the quintic may be from the cubic, as a share of the chord; and of the angle, for orientations. A change of
-# slope counts over the whole span, so that the curve itself moves by about a sixth of it.
+# How far the quintic may be from the cubic, as a share of the chord; and of the angle, for
+# orientations. A change of slope counts over the whole span, so that the curve itself moves by
+# about a sixth of it.
 FAIRNESS, TURNING_FAIRNESS = 0.05, 0.5
 # Weights of changes of the first three derivatives: each moves the curve by about as much.
 DERIVATIVE_WEIGHTS = np.array([1.0, 1 / 8, 1 / 48])
-# A piece by length may leave the curve by this share of its chord, and its speed may differ from 1 by so much.
+# A piece by length may leave the curve by this share of its chord, and its speed may differ from 1
+# by so much.
 LENGTH_TOLERANCE, SPEED_TOLERANCE = 1e-3, 0.02
 # Halvings of a span at most, where it bends too sharply for one piece.
 MAX_HALVINGS = 16
 
-# Third and fourth derivative of a quintic at its start and its end, by v, a, w, b there: factors, and powers of h.
+# Third and fourth derivative of a quintic at its start and its end, by v, a, w, b there: factors,
+# and powers of h.
 _START = np.array([[-36.0, -9, -24, 3], [192, 36, 168, -24]])
 _END = np.array([[-24.0, -3, -36, 9], [-168, -24, -192, 36]])
 _SCALES = np.array([[-2.0, -1, -2, -1], [-3, -2, -3, -2]])
@@ -86,11 +92,11 @@ HERMITE = Shape("hermite", 7 * (HERMITE_DEGREE + 1), partial(_motion, degree=HER
 def spline(start: "Pose", through: Array, rotate: "Rotation | None", segment: int) -> list[Piece]:
     """Draw the curve from start through points (N, 3), in orientations `rotate` (N) there.
 
-    The pieces' parameter is the curve's length, to SPEED_TOLERANCE. A span is one piece; it is halved where the curve
-    bends too sharply for that. Both ends are straight: no second derivative by u there. The orientation follows the
-    unit quaternions in the same way; it turns alike in every frame. Raises MotionError where two points are
-    near-duplicates, where the curve turns back on the spot, or where an orientation is more than 120° from the one
-    before.
+    The pieces' parameter is the curve's length, to SPEED_TOLERANCE. A span is one piece; it is
+    halved where the curve bends too sharply for that. Both ends are straight: no second derivative
+    by u there. The orientation follows the unit quaternions in the same way; it turns alike in
+    every frame. Raises MotionError where two points are near-duplicates, where the curve turns back
+    on the spot, or where an orientation is more than 120° from the one before.
     """
     points = np.concatenate([start.translation[None], through])
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -173,23 +179,29 @@ def align_signs(quaternions: Array) -> Array:
 
 
 def sample_splines(points: Array, share: Array) -> tuple[Array, Array]:
-    """Points (…, N, k, 3) of splines through points (…, N+1, 3), at k shares of every span; and slopes by its chords.
+    """Points (…, N, k, 3) of splines through points (…, N+1, 3), at k shares of every span; and
+    slopes by its chords.
 
-    Splines of as many points each are worked out all at once, which is many times faster than one by one. Pieces by
-    length leave these points by LENGTH_TOLERANCE of a chord at most.
+    Splines of as many points each are worked out all at once, which is many times faster than one
+    by one. Pieces by length leave these points by LENGTH_TOLERANCE of a chord at most.
     """
     chords = np.linalg.norm(np.diff(points, axis=-2), axis=-1)
     spans = np.sqrt(chords)
     k = np.arange(HERMITE_DEGREE + 1)
-    powers = _draw_spans(points, spans, _find_derivatives(points, spans)) * (spans[..., None] ** k)[..., None]
+    powers = (
+        _draw_spans(points, spans, _find_derivatives(points, spans))
+        * (spans[..., None] ** k)[..., None]
+    )
     slopes = (k[1:] * share[:, None] ** k[:-1]) @ powers[..., 1:, :]
     return share[:, None] ** k @ powers, slopes / chords[..., None, None]
 
 
 def draw_through(points: Array) -> tuple[Array, np.ndarray]:
-    """Places (M, K, 3) of the pieces of the spline through points (N+1, 3), and the span (M,) of each piece.
+    """Places (M, K, 3) of the pieces of the spline through points (N+1, 3), and the span (M,) of
+    each piece.
 
-    Unlike those of `sample_splines` they lie on the pieces as they are run. Raises MotionError as `spline`.
+    Unlike those of `sample_splines` they lie on the pieces as they are run. Raises MotionError as
+    `spline`.
     """
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     spans = np.sqrt(chords)
@@ -199,7 +211,8 @@ def draw_through(points: Array) -> tuple[Array, np.ndarray]:
 
 
 def _find_derivatives(points: Array, spans: Array) -> Array:
-    """(…, N+1, 3, k) p′, p″, p‴ by u at points (…, N+1, k): the quintic's, as far as they are near the cubic's.
+    """(…, N+1, 3, k) p′, p″, p‴ by u at points (…, N+1, k): the quintic's, as far as they are near
+    the cubic's.
 
     The quintic may move the curve in proportion to the shorter of the two chords at each point.
     """
@@ -214,7 +227,8 @@ def _find_derivatives(points: Array, spans: Array) -> Array:
 
 
 def _find_turning(quaternions: Array, spans: Array) -> Array:
-    """Find derivatives (N+1, 3, 4) of quaternions, whose steps need not be in proportion to the chords.
+    """Find derivatives (N+1, 3, 4) of quaternions, whose steps need not be in proportion to the
+    chords.
 
     A mean of the slopes on both sides replaces the cubic's slope. It is at most twice the smaller
     one, so each span turns in proportion to its own angle. The quintic may add a share of the
@@ -225,17 +239,21 @@ def _find_turning(quaternions: Array, spans: Array) -> Array:
     rates = np.linalg.norm(slopes, axis=1)
     base = np.zeros((len(quaternions), 3, 4))
     base[1:-1, 0] = _divide(
-        rates[1:, None] * slopes[:-1] + rates[:-1, None] * slopes[1:], (rates[:-1] + rates[1:])[:, None]
+        rates[1:, None] * slopes[:-1] + rates[:-1, None] * slopes[1:],
+        (rates[:-1] + rates[1:])[:, None],
     )
     base[[0, -1], 0] = slopes[[0, -1]]
     angles = np.linalg.norm(steps, axis=1)
     padded = np.concatenate([angles[:1], angles, angles[-1:]])
     larger = np.maximum(padded[:-1], padded[1:])
-    return _limit_change(base, _quintic_derivatives(quaternions, spans), spans, TURNING_FAIRNESS * larger)
+    return _limit_change(
+        base, _quintic_derivatives(quaternions, spans), spans, TURNING_FAIRNESS * larger
+    )
 
 
 def _limit_change(base: Array, fair: Array, spans: Array, most: Array) -> Array:
-    """Move derivatives (…, N+1, 3, k) from `base` towards `fair` while no span moves by more than `most`.
+    """Move derivatives (…, N+1, 3, k) from `base` towards `fair` while no span moves by more than
+    `most`.
 
     most (…, N+1): largest change of a span at either side of each knot.
     """
@@ -257,9 +275,11 @@ def _divide(values: Array, by: Array) -> Array:
 
 
 def _cubic_derivatives(values: Array, spans: Array) -> Array:
-    """(…, N+1, 3, k) of the natural cubic spline; its third derivative jumps, and the knots have a mean of both sides.
+    """(…, N+1, 3, k) of the natural cubic spline; its third derivative jumps, and the knots have a
+    mean of both sides.
 
-    The second derivatives a solve  h₋ a₋ + 2 (h₋ + h₊) a + h₊ a₊ = 6 (d₊/h₊ − d₋/h₋),  with a = 0 at both ends.
+    The second derivatives a solve  h₋ a₋ + 2 (h₋ + h₊) a + h₊ a₊ = 6 (d₊/h₊ − d₋/h₋),  with a = 0
+                                    at both ends.
     Splines of a batch are blocks of one such system.
     """
     from scipy.linalg import solve_banded
@@ -284,19 +304,23 @@ def _cubic_derivatives(values: Array, spans: Array) -> Array:
     knots[:, [0, -1], 2] = third[:, [0, -1]]
     before, after = h[:, :-1, None], h[:, 1:, None]
     knots[:, 1:-1, 2] = (before * third[:, :-1] + after * third[:, 1:]) / (before + after)
-    return np.asarray(knots.reshape(*values.shape[:-1], 3, width) / unit ** np.arange(1, 4)[:, None])
+    return np.asarray(
+        knots.reshape(*values.shape[:-1], 3, width) / unit ** np.arange(1, 4)[:, None]
+    )
 
 
 def _quintic_derivatives(values: Array, spans: Array) -> Array:
     """(…, N+1, 3, k) of the natural quintic spline, which has four continuous derivatives.
 
-    A span h from p to q = p + d, with first derivatives v, w and second ones a, b at its ends, is the quintic of these;
-    its third and fourth derivatives at its start are
+    A span h from p to q = p + d, with first derivatives v, w and second ones a, b at its ends, is
+    the quintic of these; its third and fourth derivatives at its start are
 
-        (60 d − (36 v + 24 w) h − (9 a − 3 b) h²)/h³,   (−360 d + (192 v + 168 w) h + (36 a − 24 b) h²)/h⁴
+        (60 d − (36 v + 24 w) h − (9 a − 3 b) h²)/h³,   (−360 d + (192 v + 168 w) h + (36 a − 24 b)
+                                                        h²)/h⁴
 
-    and at its end the same, looked at from there. They agree at every knot, and a = 0 and the fourth is 0 at both ends:
-    linear in v and a of the knots, with three bands above and below. Splines of a batch are blocks of one such system.
+    and at its end the same, looked at from there. They agree at every knot, and a = 0 and the
+    fourth is 0 at both ends: linear in v and a of the knots, with three bands above and below.
+    Splines of a batch are blocks of one such system.
     """
     from scipy.linalg.lapack import dgbsv
 
@@ -304,7 +328,9 @@ def _quintic_derivatives(values: Array, spans: Array) -> Array:
     unit = spans.mean()
     h = spans.reshape(-1, count) / unit
     d = np.diff(values, axis=-2).reshape(-1, count, width)
-    knots = np.zeros((len(h), count + 1, 2, 6))  # rows of a knot by v, a of the one before, of itself, of the next
+    knots = np.zeros(
+        (len(h), count + 1, 2, 6)
+    )  # rows of a knot by v, a of the one before, of itself, of the next
     right = np.zeros((len(h), count + 1, 2, width))
     scales = h[..., None, None] ** _SCALES
     knots[:, :-1, :, 2:] += _START * scales
@@ -338,21 +364,27 @@ def _quintic_derivatives(values: Array, spans: Array) -> Array:
 
 
 def _draw_spans(values: Array, spans: Array, derivatives: Array) -> Array:
-    """(…, N, 8, k) coefficients of every span by powers of u from its start, for derivatives (…, N+1, 3, k) there."""
+    """(…, N, 8, k) coefficients of every span by powers of u from its start, for derivatives (…,
+    N+1, 3, k) there.
+    """
     known = np.concatenate([values[..., None, :], derivatives], -2)
     return _hermite_powers(known[..., :-1, :, :], known[..., 1:, :, :], spans)
 
 
-# Coefficients c₄ … c₇ of the polynomial of degree 7 on [0, 1] whose value and derivatives at 1 exceed those of its
-# first four terms by given ones.
-_UPPER = np.linalg.inv(np.array([[1.0, 1, 1, 1], [4, 5, 6, 7], [12, 20, 30, 42], [24, 60, 120, 210]]))
+# Coefficients c₄ … c₇ of the polynomial of degree 7 on [0, 1] whose value and derivatives at 1
+# exceed those of its first four terms by given ones.
+_UPPER = np.linalg.inv(
+    np.array([[1.0, 1, 1, 1], [4, 5, 6, 7], [12, 20, 30, 42], [24, 60, 120, 210]])
+)
 _TAYLOR = np.array([1.0, 1, 1 / 2, 1 / 6])
 # Rows: what c₀ … c₃ give value and derivatives at 1.
 _LOWER = np.array([[1.0, 1, 1, 1], [0, 1, 2, 3], [0, 0, 2, 6], [0, 0, 0, 6]])
 
 
 def _hermite_powers(first: Array, last: Array, length: Array) -> Array:
-    """(…, 8, k) powers of the polynomial with given values and three derivatives (…, 4, k) at 0 and length (…)."""
+    """(…, 8, k) powers of the polynomial with given values and three derivatives (…, 4, k) at 0 and
+    length (…).
+    """
     scale = length[..., None] ** np.arange(4)
     low = first * (scale * _TAYLOR)[..., None]
     high = _UPPER @ (last * scale[..., None] - _LOWER @ low)
@@ -361,7 +393,9 @@ def _hermite_powers(first: Array, last: Array, length: Array) -> Array:
 
 
 class _Parts(NamedTuple):
-    """Parts of the spans of a curve, in order: the span (M,) of each, powers (M, 8, 3) by length, and lengths (M,)."""
+    """Parts of the spans of a curve, in order: the span (M,) of each, powers (M, 8, 3) by length,
+    and lengths (M,).
+    """
 
     span: np.ndarray
     powers: Array
@@ -371,8 +405,9 @@ class _Parts(NamedTuple):
 def _draw_by_length(curve: Array, spans: Array, chords: Array) -> _Parts:
     """Parts by their own length of a curve whose spans (N, 8, 3) are polynomials of u.
 
-    A part has the derivatives of the curve by its length at both ends, so the parts meet with three continuous
-    derivatives; between, it is the polynomial of these, within LENGTH_TOLERANCE of the curve.
+    A part has the derivatives of the curve by its length at both ends, so the parts meet with three
+    continuous derivatives; between, it is the polynomial of these, within LENGTH_TOLERANCE of the
+    curve.
     """
     span = np.arange(len(spans))
     low, high = np.zeros(len(spans)), spans.copy()
@@ -386,7 +421,11 @@ def _draw_by_length(curve: Array, spans: Array, chords: Array) -> _Parts:
             raise _cusp_error(int(span[np.argmin(good)]))
         span, low, high = span[~good], low[~good], high[~good]
         middle = (low + high) / 2
-        span, low, high = np.tile(span, 2), np.concatenate([low, middle]), np.concatenate([middle, high])
+        span, low, high = (
+            np.tile(span, 2),
+            np.concatenate([low, middle]),
+            np.concatenate([middle, high]),
+        )
     span, begin, powers, lengths = (np.concatenate(part) for part in zip(*drawn, strict=True))
     order = np.lexsort((begin, span))
     return _Parts(span[order], powers[order], lengths[order])
@@ -406,8 +445,12 @@ def _cut_spans(turning: Array, parts: _Parts) -> Array:
 _PART_SHARES = np.linspace(0.0, 1.0, 17)
 
 
-def _draw_parts(powers: Array, low: Array, high: Array, chords: Array) -> tuple[Array, Array, np.ndarray]:
-    """Parts (M, 8, 3) from u = low to high (M,) of their spans, their lengths, and whether each is near the curve."""
+def _draw_parts(
+    powers: Array, low: Array, high: Array, chords: Array
+) -> tuple[Array, Array, np.ndarray]:
+    """Parts (M, 8, 3) from u = low to high (M,) of their spans, their lengths, and whether each is
+    near the curve.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(16)
     middle, half = (low + high)[:, None] / 2, (high - low)[:, None] / 2
     speed = np.linalg.norm(_evaluate_powers(powers, middle + half * nodes, 1), axis=-1)
@@ -459,7 +502,9 @@ def _change_to_length(by_u: Array) -> Array:
 def _span_speeds(curve: Array, spans: Array) -> Array:
     """|dp/du| (N, SPAN_POINTS) over every span."""
     return np.asarray(
-        np.linalg.norm(_evaluate_powers(curve, spans[:, None] * np.linspace(0.0, 1.0, SPAN_POINTS), 1), axis=2)
+        np.linalg.norm(
+            _evaluate_powers(curve, spans[:, None] * np.linspace(0.0, 1.0, SPAN_POINTS), 1), axis=2
+        )
     )
 
 
@@ -471,11 +516,15 @@ GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 BASIS_ROW, BASIS_COLUMN = np.triu_indices(DEGREE + 1)
 
 
-def smooth_spline(knots: Array, s: Array, values: Array, weights: Array, ends: tuple[Array, Array]) -> Array:
-    """(K, 6, k) coefficients of the spans between knots (K+1,), by powers of s from each: near values (N, k) at s (N,).
+def smooth_spline(
+    knots: Array, s: Array, values: Array, weights: Array, ends: tuple[Array, Array]
+) -> Array:
+    """(K, 6, k) coefficients of the spans between knots (K+1,), by powers of s from each: near
+    values (N, k) at s (N,).
 
-    Σ w |p(sᵢ) − valuesᵢ|² + Σ (NOISE_SHARE h)⁶ ∫|p‴|² over spans h is least, among the quintic splines with four
-    continuous derivatives that have given ones at their ends: (m, k) the values and their first m − 1 derivatives.
+    Σ w |p(sᵢ) − valuesᵢ|² + Σ (NOISE_SHARE h)⁶ ∫|p‴|² over spans h is least, among the quintic
+    splines with four continuous derivatives that have given ones at their ends: (m, k) the values
+    and their first m − 1 derivatives.
     """
     from scipy.interpolate import BSpline
     from scipy.linalg import solveh_banded
@@ -523,7 +572,9 @@ def smooth_spline(knots: Array, s: Array, values: Array, weights: Array, ends: t
 
 
 def _basis(s: Array, t: Array, degree: int) -> tuple[Array, np.ndarray]:
-    """(N, degree+1) values of the B-splines that are not nothing at s (N,), and the number (N,) of the first."""
+    """(N, degree+1) values of the B-splines that are not nothing at s (N,), and the number (N,) of
+    the first.
+    """
     from scipy.interpolate import BSpline
 
     made = BSpline.design_matrix(s, t, degree)
@@ -537,7 +588,9 @@ def _combine(basis: Array, first: np.ndarray, coefficients: Array) -> Array:
 
 
 def _third_differences(t: Array, count: int) -> Array:
-    """(count − 3, 4) what makes of coefficients those of the third derivative, on the knots t[3:-3]."""
+    """(count − 3, 4) what makes of coefficients those of the third derivative, on the knots
+    t[3:-3].
+    """
     rows = np.zeros((count, 4))
     rows[:, 0] = 1.0
     for degree in (DEGREE, DEGREE - 1, DEGREE - 2):
@@ -551,7 +604,9 @@ def _third_differences(t: Array, count: int) -> Array:
 
 
 def _end_coefficients(t: Array, derivatives: Array) -> Array:
-    """The first m coefficients of a spline that has m values and derivatives (m, k) at its start."""
+    """The first m coefficients of a spline that has m values and derivatives (m, k) at its
+    start.
+    """
     order = len(derivatives)
     if order == 0:
         return derivatives

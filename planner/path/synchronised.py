@@ -1,8 +1,10 @@
-"""Synchronised moves: every axis goes straight from its place to that of a pose, and the tool's way is what follows.
+"""Synchronised moves: every axis goes straight from its place to that of a pose, and the tool's way
+is what follows.
 
-The point-to-point move of [Sahbaz 2007, 5.2.3]. In space it is a curve, the forward map of a straight line in the
-axes' coordinates; no machine states that map as an expression, so it is drawn by a polynomial of pose through exact
-forward solutions, and it is measured how straight the axes then are.
+The point-to-point move of [Sahbaz 2007, 5.2.3]. In space it is a curve, the forward map of a
+straight line in the axes' coordinates; no machine states that map as an expression, so it is drawn
+by a polynomial of pose through exact forward solutions, and it is measured how straight the axes
+then are.
 """
 
 from collections.abc import Iterator
@@ -18,7 +20,15 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import from_numbers, join_pose, to_numbers
-from planner.path.shape import Derived, Piece, Shape, line, measure_turns, refuse_half_turn, turn_angle
+from planner.path.shape import (
+    Derived,
+    Piece,
+    Shape,
+    line,
+    measure_turns,
+    refuse_half_turn,
+    turn_angle,
+)
 from planner.path.spline import align_signs
 
 if TYPE_CHECKING:
@@ -27,9 +37,13 @@ if TYPE_CHECKING:
 NAME, DEGREES = "synchronised", (8, 16, 24)
 """Of the polynomial: the least that does, since each costs whenever the path is looked at."""
 FORWARD_NODES = 72
-"""Forward solutions through which it goes, in the mean: more than coefficients, so that their rounding averages out."""
+"""Forward solutions through which it goes, in the mean: more than coefficients, so that their
+rounding averages out.
+"""
 STRAIGHTNESS_SHARE = 1e-12
-"""By which coordinates may leave the straight line, as a share of the largest of them (or 1 m, 1 rad)."""
+"""By which coordinates may leave the straight line, as a share of the largest of them (or 1 m, 1
+rad).
+"""
 MAX_HALVINGS = 4
 """How often a move is halved, for a polynomial each, until they are that straight."""
 CHECK_POINTS = 129
@@ -41,7 +55,9 @@ def _shape(degree: int) -> Shape:
 
 
 def _motion(degree: int, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """p and q polynomials of x = rate · s − 1;  R = the rotation of the quaternion q = (x, y, z, w), of any length."""
+    """p and q polynomials of x = rate · s − 1;  R = the rotation of the quaternion q = (x, y, z,
+    w), of any length.
+    """
     rate, rows = parameters[0], ca.reshape(parameters[1:], 7, degree + 1)
     x = rate * s - 1
     value: ca.SX = rows[:, degree]
@@ -60,11 +76,12 @@ def draw_synchronised(
     tool: "Pose | None",
     segment: int,
 ) -> list[Piece]:
-    """The tool's way from start to end (base frame) on which all axes' coordinates go straight, in proportion.
+    """The tool's way from start to end (base frame) on which all axes' coordinates go straight, in
+    proportion.
 
-    Its parameter goes with the coordinates, so q′ is constant; the length is that of the tool's chord, or of its turn
-    by the machine's characteristic length, whichever is more. To an end that no coordinates reach it is a line. Raises
-    MotionError where no smooth way was found between.
+    Its parameter goes with the coordinates, so q′ is constant; the length is that of the tool's
+    chord, or of its turn by the machine's characteristic length, whichever is more. To an end that
+    no coordinates reach it is a line. Raises MotionError where no smooth way was found between.
     """
     from scipy.spatial.transform import RigidTransform
 
@@ -79,7 +96,15 @@ def draw_synchronised(
     except OutOfReach:  # whoever looks at the limits says so, as of a line
         return [line(start, end, length, segment)]
     for count in 2 ** np.arange(MAX_HALVINGS + 1):
-        made = _pieces(machine, (first, last), (start * back, end * back), back.inv(), length, int(count), segment)
+        made = _pieces(
+            machine,
+            (first, last),
+            (start * back, end * back),
+            back.inv(),
+            length,
+            int(count),
+            segment,
+        )
         for pieces in made:
             return measure_turns(pieces)
     raise MotionError(
@@ -97,7 +122,9 @@ def _pieces(
     count: int,
     segment: int,
 ) -> Iterator[list[Piece]]:
-    """In so many parts, between coordinates and poses of the platform: of every degree that is straight enough."""
+    """In so many parts, between coordinates and poses of the platform: of every degree that is
+    straight enough.
+    """
     (first, last), (start, end) = axes, ends
     angle = np.pi * (np.arange(FORWARD_NODES) + 0.5) / FORWARD_NODES
     x = np.concatenate([[-1.0], -np.cos(angle), [1.0]])
@@ -106,7 +133,9 @@ def _pieces(
     if poses is None:
         return
     moved = poses * tool
-    values = np.concatenate([moved.translation, align_signs(moved.rotation.as_quat())], 1).reshape(count, len(x), 7)
+    values = np.concatenate([moved.translation, align_signs(moved.rotation.as_quat())], 1).reshape(
+        count, len(x), 7
+    )
     allowed = STRAIGHTNESS_SHARE * max(1.0, float(np.abs(axes).max()))
     for degree in DEGREES:
         pieces = []
@@ -117,15 +146,21 @@ def _pieces(
             yield pieces
 
 
-def straightness(machine: Machine, pieces: list[Piece], tool: "Pose", first: Array, last: Array) -> float:
-    """By how much coordinates leave the straight line along pieces of equal lengths at most, m or rad."""
+def straightness(
+    machine: Machine, pieces: list[Piece], tool: "Pose", first: Array, last: Array
+) -> float:
+    """By how much coordinates leave the straight line along pieces of equal lengths at most, m or
+    rad.
+    """
     worst, back = 0.0, tool.inv()
     for n, piece in enumerate(pieces):
         share = np.linspace(0.0, 1.0, CHECK_POINTS)
         x = to_numbers(from_numbers(piece.poses(piece.length * share)) * back)
         wanted = first + ((n + share) / len(pieces))[:, None] * (last - first)
         found = machine.inverse_map(machine.inputs(x, wanted))
-        worst = max(worst, float(np.abs(found - wanted).max())) if np.isfinite(found).all() else np.inf
+        worst = (
+            max(worst, float(np.abs(found - wanted).max())) if np.isfinite(found).all() else np.inf
+        )
     return worst
 
 
@@ -137,7 +172,8 @@ def _follow_poses(
     end: "Pose",
     shares: Array,
 ) -> "Pose | None":
-    """The platform's poses at shares of the way, sought from the straight motion in space; None where one is not found.
+    """The platform's poses at shares of the way, sought from the straight motion in space; None
+    where one is not found.
 
     One that belongs to another assembly of the legs shows as a way that no polynomial follows.
     """
@@ -146,12 +182,16 @@ def _follow_poses(
     turn = (start.rotation.inv() * end.rotation).as_rotvec()
     place = start.translation + shares[:, None] * (end.translation - start.translation)
     near = join_pose(place, start.rotation * Rotation.from_rotvec(shares[:, None] * turn))
-    found, residual = iterate_newton(machine, first + shares[:, None] * (last - first), to_numbers(near))
+    found, residual = iterate_newton(
+        machine, first + shares[:, None] * (last - first), to_numbers(near)
+    )
     return from_numbers(found) if (residual <= RESIDUAL_TOLERANCE).all() else None
 
 
 def _polynomial(x: Array, values: Array, degree: int) -> Array:
-    """(degree + 1, k) coefficients by powers of x in [−1, 1]: exact at both ends, least squares between."""
+    """(degree + 1, k) coefficients by powers of x in [−1, 1]: exact at both ends, least squares
+    between.
+    """
     share = ((x + 1) / 2)[:, None]
     chord = (1 - share) * values[0] + share * values[-1]
     inner = x[1:-1]

@@ -15,21 +15,27 @@ def fit_joins(program: Program, tolerance: float) -> Program:
     """
     behind = (*program.segments[1:], None)
     fitted = (
-        part if isinstance(part, Dwell) or is_marked_stop(part, after) else replace(part, join=Fit(tolerance))
+        part
+        if isinstance(part, Dwell) or is_marked_stop(part, after)
+        else replace(part, join=Fit(tolerance))
         for part, after in zip(program.segments, behind, strict=True)
     )
     return replace(program, segments=tuple(fitted))
 
 
 def is_marked_stop(part: Segment, after: Segment | None) -> bool:
-    """Whether a segment ends at rest and a trigger is there: at its end, or at the start of the one after it."""
+    """Whether a segment ends at rest and a trigger is there: at its end, or at the start of the one
+    after it.
+    """
     ends = [getattr(part, "trigger", None), getattr(after, "trigger", None)]
     marked = any(one is not None and one.at == at for one, at in zip(ends, (1.0, 0.0), strict=True))
     return marked and isinstance(getattr(part, "join", None), Stop)
 
 
 def stop_at_joins(program: Program) -> Program:
-    """The same program with a stop at every join, or every corner of a fit: what a control without blends would run."""
+    """The same program with a stop at every join, or every corner of a fit: what a control without
+    blends would run.
+    """
     stream = program.segments
     if isinstance(stream, SegmentStream):
         return replace(program, segments=replace(stream, read=partial(_stop_each, stream)))
@@ -38,5 +44,9 @@ def stop_at_joins(program: Program) -> Program:
 
 def _stop_each(segments: Sequence[Segment]) -> Iterator[Segment]:
     for part in segments:
-        corner = replace(part.join, stop=True) if not isinstance(part, Dwell) and isinstance(part.join, Fit) else Stop()
+        corner = (
+            replace(part.join, stop=True)
+            if not isinstance(part, Dwell) and isinstance(part.join, Fit)
+            else Stop()
+        )
         yield part if isinstance(part, Dwell) else replace(part, join=corner)

@@ -1,4 +1,6 @@
-"""The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
+"""The program model: what the tool is asked to do, segment by segment, in SI units and in the
+program's own frame.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +19,15 @@ from kinematics.foundation.options import check_fields, fits
 from kinematics.foundation.result import Result
 from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
-from kinematics.foundation.units import Acceleration, Angle, AngularSpeed, Duration, Jerk, Length, Speed
+from kinematics.foundation.units import (
+    Acceleration,
+    Angle,
+    AngularSpeed,
+    Duration,
+    Jerk,
+    Length,
+    Speed,
+)
 from planner.program.modifiers import STOP, Free, Join, Trigger
 from planner.program.validation import (
     MOST_SEGMENTS,
@@ -46,9 +56,11 @@ MIN_MOVE = 1e-9  # points nearer than this are the same (m), angles likewise (ra
 class MovingSegment:
     """What every segment that moves the tool may state, besides where to.
 
-    acceleration, angular_speed  caps of the tool's acceleration, m/s², and of the platform's turning, rad/s
+    acceleration, angular_speed  caps of the tool's acceleration, m/s², and of the platform's
+                                 turning, rad/s
     max_tool_jerk  cap of the tool's jerk, m/s³
-    speed_constant  exactly this speed, outside the shortest ramps where it is begun from rest or left to rest
+    speed_constant  exactly this speed, outside the shortest ramps where it is begun from rest or
+                    left to rest
                 (planner.timing.goals.constant_speed: where the ramps lie at other joins)
     trigger      an event along it
     free         what of its orientation is left free, for `planner.orientation.orient` to choose
@@ -69,7 +81,8 @@ class Line(MovingSegment):
     """A straight line to a position.
 
     to           (3,) m
-    rotate       orientation at its end, reached by the shortest turn in proportion to the path; None: kept
+    rotate       orientation at its end, reached by the shortest turn in proportion to the path;
+                 None: kept
     speed        cap of the tool speed, m/s; None: as fast as the machine can
     join         to the next segment; and what `MovingSegment` has, as all that move the tool
     """
@@ -88,7 +101,8 @@ class Line(MovingSegment):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arc(MovingSegment):
-    """A circular arc from the current point, by a signed angle: right hand about `normal`, any number of turns.
+    """A circular arc from the current point, by a signed angle: right hand about `normal`, any
+    number of turns.
 
     centre  (3,) m;  normal  (3,) of any length, kept as a unit vector;  angle  rad
     rise    m by which it moves along the normal in all: a helix
@@ -111,12 +125,15 @@ class Arc(MovingSegment):
         check_angle("arc", self.angle)
         check_rotation(self, "arc", "rotate")
         if not is_within_limit(self.rise, "m"):
-            raise MotionError(f"arc: rise {self.rise} m must be finite, and at most {most('m'):g} m either way")
+            raise MotionError(
+                f"arc: rise {self.rise} m must be finite, and at most {most('m'):g} m either way"
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spline(MovingSegment):
-    """A smooth curve from the current point through points, three times continuously differentiable, without stops.
+    """A smooth curve from the current point through points, three times continuously
+    differentiable, without stops.
 
     through  (N, 3) m, no two neighbours the same (the path's shape: planner.path.spline)
     rotate   N orientations, one at each point; None: kept
@@ -149,7 +166,8 @@ class Curve(MovingSegment):
 
     position     three formulas (kinematics.foundation.formula) that give `length` m each 1
     begin, end   of t, also downwards
-    rotate       three formulas of θx, θy, θz, `angle` rad each 1, as Rx · Ry · Rz; None: the orientation is kept
+    rotate       three formulas of θx, θy, θz, `angle` rad each 1, as Rx · Ry · Rz; None: the
+                 orientation is kept
     constants    names that stand for numbers in them, and the numbers
     It begins where the path stands, and must be smooth and not stand still (planner.path.curve).
     speed, join  as of a line
@@ -173,10 +191,14 @@ class Curve(MovingSegment):
         check_positive("curve", "length", self.length, "m")
         check_positive("curve", "angle", self.angle, "rad")
         if not (isfinite(self.begin) and isfinite(self.end)) or self.begin == self.end:
-            raise MotionError(f"curve: t from {self.begin} to {self.end} must be finite, and differ")
+            raise MotionError(
+                f"curve: t from {self.begin} to {self.end} must be finite, and differ"
+            )
         for name, texts in (("position", self.position), ("rotate", self.rotate)):
             if texts is not None and (not fits(texts, Sequence[str]) or len(texts) != 3):
-                raise MotionError(f"curve: {name} takes three formulas, each a text, not {texts!r:.60}")
+                raise MotionError(
+                    f"curve: {name} takes three formulas, each a text, not {texts!r:.60}"
+                )
             for text in texts or ():
                 formula(text, dict(self.constants), SX.sym("t"))
 
@@ -201,7 +223,9 @@ class Turn:
     def __post_init__(self) -> None:
         check_caps(self, "turn", "to", "about")
         if (self.to is None) == (self.about is None):
-            raise MotionError("turn: give the orientation `to`, or `about` and `angle`; exactly one of the two")
+            raise MotionError(
+                "turn: give the orientation `to`, or `about` and `angle`; exactly one of the two"
+            )
         check_rotation(self, "turn", "to")
         if self.about is not None:
             object.__setattr__(self, "about", unit_direction("turn", "about", self.about))
@@ -210,7 +234,8 @@ class Turn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Synchronised:
-    """A point-to-point move [Sahbaz 2007, 5.2.3]: all axes move straight to their targets, and start and stop together.
+    """A point-to-point move [Sahbaz 2007, 5.2.3]: all axes move straight to their targets, and
+    start and stop together.
 
     Where the tool goes between is what the machine makes of it. All axes have the speed of the
     slowest one, scaled. The printed program departs from this where an axis has fewer pulses than
@@ -250,7 +275,9 @@ class Dwell:
         check_positive("dwell", "duration", self.duration, "s")
         if self.trigger is not None and self.trigger.after_rest:
             name = self.trigger.name
-            raise MotionError(f"dwell: trigger {name}: after_rest is of what moves; leave it out: at = 1 is the end")
+            raise MotionError(
+                f"dwell: trigger {name}: after_rest is of what moves; leave it out: at = 1 is the end"
+            )
 
 
 Segment = Line | Arc | Spline | Curve | Turn | Synchronised | Dwell
@@ -261,7 +288,8 @@ Frame = Literal["home", "base"]
 class SegmentStream(Sequence[Segment]):
     """Segments of a file that are not held: whoever goes through them reads it anew.
 
-    read   begins with the first; total: how many there are. None of them has an orientation left free.
+    read   begins with the first; total: how many there are. None of them has an orientation left
+           free.
     marked  whether any of them has a trigger
     """
 
@@ -295,15 +323,21 @@ class Program(Result):
     frame    "home": relative to the machine's home pose, or "base": in the machine's base frame
     start    first pose, in the program's frame; None: where the machine's home pose has it
     machine  name or path of the machine it is meant for, if it says so
-    speed, acceleration, angular_speed, max_tool_jerk  caps of every segment that moves and states none of its own
-    tool     the tool's frame in the platform's: coordinates say where it goes, speeds are its own; None: the platform's
-    work     the frame, in the program's, in which coordinates are given; None: the program's frame itself
-    repeat   how often the segments are run, one time after the other, each from where the path stands
+    speed, acceleration, angular_speed, max_tool_jerk  caps of every segment that moves and states
+                                                       none of its own
+    tool     the tool's frame in the platform's: coordinates say where it goes, speeds are its own;
+             None: the platform's
+    work     the frame, in the program's, in which coordinates are given; None: the program's frame
+             itself
+    repeat   how often the segments are run, one time after the other, each from where the path
+             stands
     duration  s that the whole is to take, as smoothly as it can; None: as little as it can
     start_speed, end_speed  tool speed (m/s) with which the motion begins and ends; 0: at rest
     file     what it was read from, for messages; empty: it was not
-    join_word  what in a file asks for its path as it is, whatever options say, as G61; empty: nothing
-    Raises MotionError for an empty program, an unknown frame, a machine by no name, a count or a speed that is none.
+    join_word  what in a file asks for its path as it is, whatever options say, as G61; empty:
+               nothing
+    Raises MotionError for an empty program, an unknown frame, a machine by no name, a count or a
+    speed that is none.
     """
 
     segments: Sequence[Segment]
@@ -326,9 +360,14 @@ class Program(Result):
 
     def __post_init__(self) -> None:
         check_caps(self, f"program {self.name}", "segments", "repeat", "start", "tool", "work")
-        told, given = "give it a line, arc, spline, curve, turn, synchronised move or dwell", self.segments
+        told, given = (
+            "give it a line, arc, spline, curve, turn, synchronised move or dwell",
+            self.segments,
+        )
         if not isinstance(given, SegmentStream):
-            object.__setattr__(self, "segments", tuple(given) if fits(given, Iterable[object]) else (given,))
+            object.__setattr__(
+                self, "segments", tuple(given) if fits(given, Iterable[object]) else (given,)
+            )
             if odd := [one for one in self.segments if not isinstance(one, Segment)]:
                 raise MotionError(f"program {self.name}: {odd[0]!r:.60} is no segment: {told}")
         for frame in ("start", "tool", "work"):
@@ -337,13 +376,19 @@ class Program(Result):
         if not self.segments:
             raise MotionError(f"program {self.name} is empty: {told}")
         if isinstance(self.repeat, bool) or not isinstance(self.repeat, int) or self.repeat < 1:
-            raise MotionError(f"program {self.name}: repeat {self.repeat} must be a whole number from 1 on")
-        held = self.repeat > 1 or not isinstance(self.segments, SegmentStream)  # what is read once may go on for ever
+            raise MotionError(
+                f"program {self.name}: repeat {self.repeat} must be a whole number from 1 on"
+            )
+        held = self.repeat > 1 or not isinstance(
+            self.segments, SegmentStream
+        )  # what is read once may go on for ever
         if held and self.repeat * len(self.segments) > MOST_SEGMENTS:
             told = f"repeat {self.repeat} of {count_noun(len(given), 'segment')} is more than {MOST_SEGMENTS} in all"
             lines = [segment.line_number for segment in self.segments if segment.line_number]
             if self.file:
-                raise FileError(self.file, [Fault("repeat", f"{told}; run parts of it", min(lines, default=1))])
+                raise FileError(
+                    self.file, [Fault("repeat", f"{told}; run parts of it", min(lines, default=1))]
+                )
             raise MotionError(f"program {self.name}: {told}; run parts of it")
         for end, speed in (("start_speed", self.start_speed), ("end_speed", self.end_speed)):
             if not (is_within_limit(speed, "m/s") and speed >= 0):
@@ -353,10 +398,14 @@ class Program(Result):
         check_positive(f"program {self.name}", "duration", self.duration, "s")
 
     def __repr__(self) -> str:
-        return f"<Program {self.name}: {count_noun(len(self.segments), 'segment')}, from {self.frame}>"
+        return (
+            f"<Program {self.name}: {count_noun(len(self.segments), 'segment')}, from {self.frame}>"
+        )
 
     def tables(self) -> tuple[Table, ...]:
-        """Its segments, one a row: where each leads as far as it says so itself, its caps, join and trigger."""
+        """Its segments, one a row: where each leads as far as it says so itself, its caps, join and
+        trigger.
+        """
         segments = self.segments
         ends = [_end(segment) for segment in segments]
         caps = (
@@ -381,20 +430,31 @@ class Program(Result):
                    words={"nonetype": ""}),
             Column("trigger", [getattr(getattr(segment, "trigger", None), "name", None) for segment in segments]),
         )  # fmt: skip
-        told = tuple(column for column in columns if any(value is not None for value in column.values))
+        told = tuple(
+            column for column in columns if any(value is not None for value in column.values)
+        )
         again = "" if self.repeat == 1 else f", {self.repeat} times"
-        return (Table(f"{self.name}: {count_noun(len(segments), 'segment')}{again}, from {self.frame}", told),)
+        return (
+            Table(
+                f"{self.name}: {count_noun(len(segments), 'segment')}{again}, from {self.frame}",
+                told,
+            ),
+        )
 
     @property
     def caps_jerk(self) -> bool:
-        """True if the program or a segment caps the tool's jerk; segments of a stream do not count."""
+        """True if the program or a segment caps the tool's jerk; segments of a stream do not
+        count.
+        """
         if self.max_tool_jerk is not None:
             return True
         known = () if isinstance(self.segments, SegmentStream) else self.segments
         return any(getattr(segment, "max_tool_jerk", None) is not None for segment in known)
 
     def cap(self, segment: Segment, name: str) -> float | None:
-        """A segment's own cap, or the program's; None where neither says one, or the segment cannot have it."""
+        """A segment's own cap, or the program's; None where neither says one, or the segment cannot
+        have it.
+        """
         own: float | None = getattr(segment, name, None)
         return getattr(self, name) if own is None and hasattr(segment, name) else own
 

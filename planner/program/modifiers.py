@@ -1,4 +1,6 @@
-"""What segments say beside where they lead: how they join, events along them, freedom of orientation."""
+"""What segments say beside where they lead: how they join, events along them, freedom of
+orientation.
+"""
 
 from dataclasses import dataclass, field
 from math import pi, radians
@@ -30,7 +32,8 @@ class Through:
 
 @dataclass(frozen=True, slots=True)
 class Blend:
-    """A rounded join: it deviates from the programmed corner by at most `tolerance` (m), and `angle` (rad).
+    """A rounded join: it deviates from the programmed corner by at most `tolerance` (m), and
+    `angle` (rad).
 
     angle  None: what turns points at the machine's characteristic length by the tolerance
     """
@@ -54,10 +57,12 @@ CORNER_ANGLE = radians(35)
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A join in a chain that becomes a smooth curve, within `tolerance` (m) and `angle` (rad) of what is programmed.
+    """A join in a chain that becomes a smooth curve, within `tolerance` (m) and `angle` (rad) of
+    what is programmed.
 
     angle   None: what turns points at the machine's characteristic length by the tolerance
-    corner  rad between two directions above which the join stays a corner, that is rounded like a `Blend`
+    corner  rad between two directions above which the join stays a corner, that is rounded like a
+            `Blend`
     stop    whether the motion rests at such a corner instead
     (planner.path.fit)
     """
@@ -84,12 +89,15 @@ STOP = Stop(stated=False)
 
 
 def choose_join(name: str, blend: float | None, fit: float | None) -> Join:
-    """The join that options say: fitted or rounded within a tolerance (m), or by name, "stop" or "through".
+    """The join that options say: fitted or rounded within a tolerance (m), or by name, "stop" or
+    "through".
 
     Raises MotionError where both tolerances are given.
     """
     if blend is not None and fit is not None:
-        raise MotionError("blend and fit exclude each other: a fit blends the corners that it keeps; omit blend")
+        raise MotionError(
+            "blend and fit exclude each other: a fit blends the corners that it keeps; omit blend"
+        )
     if fit is not None:
         return Fit(fit)
     return Blend(blend) if blend is not None else Stop() if name == "stop" else Through()
@@ -99,9 +107,11 @@ def choose_join(name: str, blend: float | None, fit: float | None) -> Join:
 class Trigger:
     """A named event at a position: a share of the tool path of its segment (1: its end).
 
-    Where the segment only turns the tool, at a share of the angle; where it is a dwell, of its time.
+    Where the segment only turns the tool, at a share of the angle; where it is a dwell, of its
+    time.
 
-    after_rest  at the start of the segment, when the motion goes on from a rest there, not when it comes to it
+    after_rest  at the start of the segment, when the motion goes on from a rest there, not when it
+                comes to it
     """
 
     name: str
@@ -111,12 +121,18 @@ class Trigger:
     def __post_init__(self) -> None:
         check_fields(self)
         if not self.name:
-            raise MotionError("trigger: its name is empty; give the name of the output line or event")
+            raise MotionError(
+                "trigger: its name is empty; give the name of the output line or event"
+            )
         legible("trigger", "its name", self.name)
         if not 0 <= self.at <= 1:
-            raise MotionError(f"trigger {self.name}: at {self.at} must be a share of its segment, from 0 to 1")
+            raise MotionError(
+                f"trigger {self.name}: at {self.at} must be a share of its segment, from 0 to 1"
+            )
         if self.after_rest and self.at != 0:
-            raise MotionError(f"trigger {self.name}: after_rest is of the start of its segment: give at = 0 with it")
+            raise MotionError(
+                f"trigger {self.name}: after_rest is of the start of its segment: give at = 0 with it"
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,8 +151,12 @@ class Free:
     def __post_init__(self) -> None:
         check_fields(self, "controls")
         if not 0 <= self.tilt < pi / 2:
-            raise MotionError(f"free: tilt {self.tilt} rad must not be negative, and be less than a right angle")
+            raise MotionError(
+                f"free: tilt {self.tilt} rad must not be negative, and be less than a right angle"
+            )
         if not self.yaw and self.tilt == 0:
             raise MotionError("free: free yaw, a tilt, or both; otherwise omit free")
         if self.controls is not None:
-            object.__setattr__(self, "controls", freeze_array(finite_array(self.controls, "free: controls")))
+            object.__setattr__(
+                self, "controls", freeze_array(finite_array(self.controls, "free: controls"))
+            )

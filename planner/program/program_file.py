@@ -1,4 +1,6 @@
-"""Program files: the schema of their TOML, what each [[segment]] may say, and the program that one describes."""
+"""Program files: the schema of their TOML, what each [[segment]] may say, and the program that one
+describes.
+"""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -27,7 +29,18 @@ from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import Fault, FileError, validation_error
 from kinematics.foundation.names import count_noun, find, presets
 from kinematics.foundation.units import Unit
-from planner.program.model import MIN_MOVE, Arc, Dwell, Frame, Line, Program, Segment, Spline, Synchronised, Turn
+from planner.program.model import (
+    MIN_MOVE,
+    Arc,
+    Dwell,
+    Frame,
+    Line,
+    Program,
+    Segment,
+    Spline,
+    Synchronised,
+    Turn,
+)
 from planner.program.segment_tables import (
     ACCELERATION,
     JERK,
@@ -84,7 +97,9 @@ def _check_distinct(points: tuple[tuple[float, float, float], ...]) -> tuple[Any
 
 def _start_type(value: object) -> Any:
     if isinstance(value, tuple) and len(value) not in (3, 6):
-        raise validation_error(f"{count_noun(len(value), 'entry')}: give 3 (x, y, z) or 6 (x, y, z, θx, θy, θz)")
+        raise validation_error(
+            f"{count_noun(len(value), 'entry')}: give 3 (x, y, z) or 6 (x, y, z, θx, θy, θz)"
+        )
     return PositionAndAngles if isinstance(value, tuple) and len(value) == 6 else Position
 
 
@@ -103,7 +118,9 @@ class PoseTable(TableSchema):
     """A frame in another: moved by `to`, then turned by `rotate`."""
 
     to: Position = key("translation", default=(0.0, 0.0, 0.0))
-    rotate: Orientation = key("rotation: θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0))
+    rotate: Orientation = key(
+        "rotation: θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0)
+    )
 
     @property
     def pose(self) -> "Pose | None":
@@ -115,7 +132,8 @@ class LineTable(TableSchema):
 
     to: Position = key("end position")
     rotate: Orientation | None = key(
-        "orientation at the end: θx, θy, θz about the moving axes in turn; unchanged if not stated", default=None
+        "orientation at the end: θx, θy, θz about the moving axes in turn; unchanged if not stated",
+        default=None,
     )
 
 
@@ -128,7 +146,9 @@ class ArcTable(TableSchema):
         "signed angle, right hand about the normal; may exceed a full turn"
     )
     rise: Coordinate = key("total rise along the normal, which makes a helix", default=0.0)
-    rotate: Orientation | None = key("orientation at the end; unchanged if not stated", default=None)
+    rotate: Orientation | None = key(
+        "orientation at the end; unchanged if not stated", default=None
+    )
 
 
 class SplineTable(TableSchema):
@@ -137,7 +157,9 @@ class SplineTable(TableSchema):
     through: Annotated[tuple[Position, ...], AfterValidator(_check_distinct)] = key(
         "points after the end of the previous segment"
     )
-    rotate: tuple[Orientation, ...] | None = key("orientation at each point; unchanged if not stated", default=None)
+    rotate: tuple[Orientation, ...] | None = key(
+        "orientation at each point; unchanged if not stated", default=None
+    )
 
     @model_validator(mode="after")
     def _one_for_each(self) -> Self:
@@ -153,7 +175,9 @@ class SplineTable(TableSchema):
 class TurnTo(TableSchema):
     """A rotation on the spot."""
 
-    to: Orientation = key("end orientation: θx, θy, θz about the moving axes in turn; the shorter way")
+    to: Orientation = key(
+        "end orientation: θx, θy, θz about the moving axes in turn; the shorter way"
+    )
 
 
 class TurnBy(TableSchema):
@@ -170,17 +194,24 @@ class SynchronisedTable(TableSchema):
 
     to: Position = key("end position")
     rotate: Orientation | None = key(
-        "orientation at the end: θx, θy, θz about the moving axes in turn; unchanged if not stated", default=None
+        "orientation at the end: θx, θy, θz about the moving axes in turn; unchanged if not stated",
+        default=None,
     )
 
 
 class LineEntry(PathEntry):
     line: LineTable = key(
-        f"straight line; {_TURNED}", '{ to = ["10 mm", "0 mm", "25 mm"], rotate = ["0 deg", "0 deg", "3 deg"] }'
+        f"straight line; {_TURNED}",
+        '{ to = ["10 mm", "0 mm", "25 mm"], rotate = ["0 deg", "0 deg", "3 deg"] }',
     )
 
     def segment(self, line_number: int | None) -> Segment:
-        return Line(freeze_array(self.line.to), _rotation(self.line.rotate), **self.modifiers, line_number=line_number)
+        return Line(
+            freeze_array(self.line.to),
+            _rotation(self.line.rotate),
+            **self.modifiers,
+            line_number=line_number,
+        )
 
 
 class ArcEntry(PathEntry):
@@ -196,7 +227,13 @@ class ArcEntry(PathEntry):
             _rotation(self.arc.rotate),
         )
         return Arc(
-            centre, normal, self.arc.angle, turned, **self.modifiers, rise=self.arc.rise, line_number=line_number
+            centre,
+            normal,
+            self.arc.angle,
+            turned,
+            **self.modifiers,
+            rise=self.arc.rise,
+            line_number=line_number,
         )
 
 
@@ -218,9 +255,19 @@ class TurnEntry(MovingEntry):
     )
 
     def segment(self, line_number: int | None) -> Segment:
-        said: dict[str, Any] = {"angular_speed": self.angular_speed, "trigger": self.event, "line_number": line_number}
+        said: dict[str, Any] = {
+            "angular_speed": self.angular_speed,
+            "trigger": self.event,
+            "line_number": line_number,
+        }
         if isinstance(self.turn, TurnBy):
-            return Turn(None, self.next_join, about=freeze_array(self.turn.about), angle=self.turn.angle, **said)
+            return Turn(
+                None,
+                self.next_join,
+                about=freeze_array(self.turn.about),
+                angle=self.turn.angle,
+                **said,
+            )
         return Turn(_rotation(self.turn.to), self.next_join, **said)
 
 
@@ -240,13 +287,23 @@ class SynchronisedEntry(MovingEntry):
             "angular_speed": self.angular_speed,
             "max_tool_jerk": self.max_tool_jerk,
         }
-        return Synchronised(to, turned, self.speed, self.next_join, **caps, trigger=self.event, line_number=line_number)
+        return Synchronised(
+            to,
+            turned,
+            self.speed,
+            self.next_join,
+            **caps,
+            trigger=self.event,
+            line_number=line_number,
+        )
 
 
 class DwellEntry(TableSchema):
     dwell: Annotated[float, Unit("s", above=0)] = key("rest of this duration", '"0.2 s"')
     trigger: DwellTriggerEntry = key(
-        "event; at: share of the rest, 1 (the end) if not stated", '{ name = "camera", at = 0.5 }', None
+        "event; at: share of the rest, 1 (the end) if not stated",
+        '{ name = "camera", at = 0.5 }',
+        None,
     )
 
     def segment(self, line_number: int | None) -> Segment:
@@ -268,21 +325,34 @@ class ProgramFile(File):
     places: ClassVar[Mapping[str, str]] = dict.fromkeys(PathEntry.model_fields, "[[segment]]")
     name: Name | None = NAME
     machine: str | None = key(
-        "name of a bundled machine, or path from the folder of this file; --machine overrides it", default=None
+        "name of a bundled machine, or path from the folder of this file; --machine overrides it",
+        default=None,
     )
-    length: Annotated[str, unit_validator("m")] | None = key("unit of positions that are plain numbers", default=None)
-    angle: Annotated[str, unit_validator("rad")] | None = key("unit of angles that are plain numbers", default=None)
+    length: Annotated[str, unit_validator("m")] | None = key(
+        "unit of positions that are plain numbers", default=None
+    )
+    angle: Annotated[str, unit_validator("rad")] | None = key(
+        "unit of angles that are plain numbers", default=None
+    )
     frame: Frame = key(
-        'frame of positions: "home" (home pose of the machine) or "base" (base frame)', '"home"', default="home"
+        'frame of positions: "home" (home pose of the machine) or "base" (base frame)',
+        '"home"',
+        default="home",
     )
     start: Annotated[tuple[float, ...], Chosen(_start_type)] | None = key(
         "first pose, home if not stated: x, y, z, or x, y, z, θx, θy, θz", "[0, 0, 0]", None
     )
-    repeat: Annotated[int, Field(ge=1, le=MAX_REPEATS)] = key("number of times that the segments run", "2", 1)
-    duration: Annotated[float, Unit("s", above=0)] | None = key(
-        "duration of the whole motion, as smooth as possible; as fast as possible if not stated", '"60 s"', None
+    repeat: Annotated[int, Field(ge=1, le=MAX_REPEATS)] = key(
+        "number of times that the segments run", "2", 1
     )
-    speed: ToolSpeed | None = key("limit of the tool speed, for segments that state none", '"100 mm/s"', None)
+    duration: Annotated[float, Unit("s", above=0)] | None = key(
+        "duration of the whole motion, as smooth as possible; as fast as possible if not stated",
+        '"60 s"',
+        None,
+    )
+    speed: ToolSpeed | None = key(
+        "limit of the tool speed, for segments that state none", '"100 mm/s"', None
+    )
     acceleration: ToolAcceleration | None = key(
         "limit of the tool acceleration, for segments that state none", '"1000 mm/s^2"', None
     )
@@ -290,7 +360,9 @@ class ProgramFile(File):
         "limit of the tool's angular speed, for segments that state none", '"30 deg/s"', None
     )
     max_tool_jerk: ToolJerk | None = key(
-        "limit of the tool jerk, for segments that state none; makes the plan limit jerk", '"50 m/s^3"', None
+        "limit of the tool jerk, for segments that state none; makes the plan limit jerk",
+        '"50 m/s^3"',
+        None,
     )
     tool: PoseTable | None = key(
         "pose of the tool tip in the platform's frame",
@@ -337,7 +409,11 @@ def load_program(name_or_path: ProgramSource) -> Program:
     MotionError
         The name is unknown; the nearest and all known ones are told.
     """
-    return name_or_path if isinstance(name_or_path, Program) else make_program(*read_program_file(name_or_path))
+    return (
+        name_or_path
+        if isinstance(name_or_path, Program)
+        else make_program(*read_program_file(name_or_path))
+    )
 
 
 def read_program_file(name_or_path: str | PathLike[str]) -> tuple[Document, ProgramFile]:
@@ -347,12 +423,16 @@ def read_program_file(name_or_path: str | PathLike[str]) -> tuple[Document, Prog
         document = read(source)
     except FileError as error:
         raise _suggest_import(Path(source.name), error) from None
-    return document, build(document, ProgramFile, plain=read_declared_units(document.data, PLAIN_UNITS))
+    return document, build(
+        document, ProgramFile, plain=read_declared_units(document.data, PLAIN_UNITS)
+    )
 
 
 def make_program(document: Document, model: ProgramFile) -> Program:
     """The program that a file describes. Raises MotionError for what only its segments show."""
-    segments = [entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)]
+    segments = [
+        entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)
+    ]
     return Program(
         tuple(segments),
         model.frame,
@@ -374,7 +454,9 @@ def make_program(document: Document, model: ProgramFile) -> Program:
 
 
 def _suggest_import(path: Path, error: FileError) -> FileError:
-    """The error, with what to do where the file's suffix is that of a format that programs are imported from."""
+    """The error, with what to do where the file's suffix is that of a format that programs are
+    imported from.
+    """
     from planner.sources.source import suffix_formats
 
     name = suffix_formats().get(path.suffix.lower())

@@ -1,7 +1,9 @@
-"""Program files, written: the TOML from which `load_program` makes the same program, or a commented one to start from.
+"""Program files, written: the TOML from which `load_program` makes the same program, or a commented
+one to start from.
 
-Positions are plain numbers in mm, angles in rad. Lengths are read back within a unit in the last place, turns and
-directions to rounding, since they are held as rotations and unit vectors; everything else as it is.
+Positions are plain numbers in mm, angles in rad. Lengths are read back within a unit in the last
+place, turns and directions to rounding, since they are held as rotations and unit vectors;
+everything else as it is.
 """
 
 import tomllib
@@ -29,7 +31,9 @@ if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
 
 
-def program_toml(program: Program, comment: str = "", *, complete: bool = False, source: str = "") -> str:
+def program_toml(
+    program: Program, comment: str = "", *, complete: bool = False, source: str = ""
+) -> str:
     """Return the TOML text of a program, after the lines of a comment.
 
     complete  also state the values that hold by default
@@ -46,7 +50,8 @@ def program_lines(
     source: str = "",
     segments: Iterable[Segment] | None = None,
 ) -> Iterator[str]:
-    """Yield the lines of `program_toml`, segment by segment: a stream of segments is read once, and not held.
+    """Yield the lines of `program_toml`, segment by segment: a stream of segments is read once, and
+    not held.
 
     segments  those of the program, if the caller iterates over them too
     """
@@ -81,7 +86,9 @@ def _head(program: Program, complete: bool) -> dict[str, Any]:
         "length": "mm",
         "angle": "rad",
         "frame": program.frame,
-        "start": None if start is None else np.concatenate([start.translation, _angles(start.rotation)]),
+        "start": None
+        if start is None
+        else np.concatenate([start.translation, _angles(start.rotation)]),
         "repeat": program.repeat if complete or program.repeat != 1 else None,
         "duration": program.duration,
         **_caps(program),
@@ -95,7 +102,9 @@ def _modifiers(segment: Segment, complete: bool) -> dict[str, Any]:
     """What a segment says beside its shape."""
     if isinstance(segment, Dwell):
         return {"trigger": segment.trigger and _trigger(segment.trigger)}
-    constant: bool | None = getattr(segment, "speed_constant", None)  # None: a turn, which has no speed to keep
+    constant: bool | None = getattr(
+        segment, "speed_constant", None
+    )  # None: a turn, which has no speed to keep
     trigger: Trigger | None = segment.trigger
     free: Free | None = getattr(segment, "free", None)
     return {
@@ -108,7 +117,9 @@ def _modifiers(segment: Segment, complete: bool) -> dict[str, Any]:
 
 
 def _trigger(trigger: Trigger) -> dict[str, object]:
-    return {"name": trigger.name, "at": trigger.at} | ({"after_rest": True} if trigger.after_rest else {})
+    return {"name": trigger.name, "at": trigger.at} | (
+        {"after_rest": True} if trigger.after_rest else {}
+    )
 
 
 def _caps(of: Program | Segment) -> dict[str, float | None]:
@@ -125,7 +136,12 @@ def _join(join: object) -> str | dict[str, float | None]:
         return {"blend": join.tolerance, "angle": join.angle}
     if isinstance(join, Fit):
         corner = None if join.corner == CORNER_ANGLE else join.corner
-        return {"fit": join.tolerance, "angle": join.angle, "corner": corner, "stop": join.stop or None}
+        return {
+            "fit": join.tolerance,
+            "angle": join.angle,
+            "corner": corner,
+            "stop": join.stop or None,
+        }
     return type(join).__name__.lower()
 
 
@@ -139,11 +155,18 @@ def _place(segment: Any) -> dict[str, Any]:
 
 
 def _curve(curve: Curve) -> dict[str, Any]:
-    """Formulas in metres or degrees are put into mm and radians, which takes a factor before them."""
+    """Formulas in metres or degrees are put into mm and radians, which takes a factor before
+    them.
+    """
     lengths = [_scale_text(text, format_decimal(curve.length, 3)) for text in curve.position]
     angles = [_scale_text(text, repr(curve.angle)) for text in curve.rotate or ()]
     formulas = dict(zip(("x", "y", "z", "rx", "ry", "rz"), [*lengths, *angles], strict=False))
-    return {**formulas, "from": curve.begin, "to": curve.end, "constants": dict(curve.constants) or None}
+    return {
+        **formulas,
+        "from": curve.begin,
+        "to": curve.end,
+        "constants": dict(curve.constants) or None,
+    }
 
 
 def _scale_text(text: str, factor: str) -> str:
@@ -151,7 +174,9 @@ def _scale_text(text: str, factor: str) -> str:
 
 
 def _turn(turn: Turn) -> dict[str, Any]:
-    return {"about": turn.about, "angle": turn.angle} if turn.to is None else {"to": _angles(turn.to)}
+    return (
+        {"about": turn.about, "angle": turn.angle} if turn.to is None else {"to": _angles(turn.to)}
+    )
 
 
 _SHAPES: dict[str, Callable[[Any], Any]] = {
@@ -175,10 +200,26 @@ def _angles(rotation: "Rotation | None") -> Array | None:
 
 
 HEAD = [one for one in keys_of(ProgramFile) if one.name != "segment"]
-SHAPES = {one.name: one for entry in SEGMENTS for one in keys_of(entry) if one.name not in PathEntry.model_fields}
+SHAPES = {
+    one.name: one
+    for entry in SEGMENTS
+    for one in keys_of(entry)
+    if one.name not in PathEntry.model_fields
+}
 """What a segment is: one of these."""
-_ORDER = ("speed", "acceleration", "angular_speed", "max_tool_jerk", "speed_constant", "join", "trigger")
-MODIFIERS = sorted(keys_of(PathEntry), key=lambda one: _ORDER.index(one.name) if one.name in _ORDER else len(_ORDER))
+_ORDER = (
+    "speed",
+    "acceleration",
+    "angular_speed",
+    "max_tool_jerk",
+    "speed_constant",
+    "join",
+    "trigger",
+)
+MODIFIERS = sorted(
+    keys_of(PathEntry),
+    key=lambda one: _ORDER.index(one.name) if one.name in _ORDER else len(_ORDER),
+)
 """What a segment may say beside."""
 EXAMPLE_RADIUS = 10
 """mm, of that circle."""
@@ -192,7 +233,8 @@ def program_starter(
     name: str | None = None,
     short: bool = False,
 ) -> str:
-    """Return a program file for a machine by name or path: segments of a bundled program, or first ones for its kind.
+    """Return a program file for a machine by name or path: segments of a bundled program, or first
+    ones for its kind.
 
     name   of the program; None: that of the file it is written to
     short  only keys that are set; else every key, unset ones as comments
@@ -207,7 +249,11 @@ def program_starter(
     data = {"length": "mm", "angle": "deg"} | data | {"machine": machine}
     if name is not None:
         data["name"] = name
-    segments = f'the segments of the bundled program "{preset}"' if preset else "a line, a circle and a line back"
+    segments = (
+        f'the segments of the bundled program "{preset}"'
+        if preset
+        else "a line, a circle and a line back"
+    )
     lines = [f"# A program with {segments}: replace them by yours."]
     if short:
         more = (
@@ -217,17 +263,23 @@ def program_starter(
             "# All keys, with tool, triggers and other segments: pulsepath init all-keys --all",
         )
         return "\n".join([*lines, *_short_tables(data), "", *more]) + "\n"
-    lines += ["# A line that begins with # and no space is a key or a segment that is not set: remove the # to set it."]
+    lines += [
+        "# A line that begins with # and no space is a key or a segment that is not set: remove the # to set it."
+    ]
     return "\n".join([*lines, *_tables(data)]) + "\n"
 
 
 def _short_tables(data: dict[str, Any]) -> Iterator[str]:
-    """Yield the set keys of the head and of each segment, with the help of a key where it occurs first."""
+    """Yield the set keys of the head and of each segment, with the help of a key where it occurs
+    first.
+    """
     yield from short_table_lines("", HEAD, data)
     explained: set[str] = set()
     for segment in data["segment"]:
         shape = next(key for name, key in SHAPES.items() if name in segment)
-        keys = [replace(key, about="") if key.name in explained else key for key in (shape, *MODIFIERS)]
+        keys = [
+            replace(key, about="") if key.name in explained else key for key in (shape, *MODIFIERS)
+        ]
         yield from short_table_lines("[[segment]]", keys, segment)
         explained |= segment.keys()
 
@@ -253,7 +305,9 @@ def _first_segments(kind: str) -> dict[str, Any]:
 
 
 def _tables(data: dict[str, Any]) -> Iterator[str]:
-    """The head; each segment; every key that a segment may have, once; the kinds of segment that there are none of."""
+    """The head; each segment; every key that a segment may have, once; the kinds of segment that
+    there are none of.
+    """
     yield from table_lines("", HEAD, data)
     told = False
     for segment in data["segment"]:

@@ -1,10 +1,11 @@
-"""The schema of what every segment of a program's TOML may say beside where it leads, and of a segment by equations:
+"""The schema of what every segment of a program's TOML may say beside where it leads, and of a
+segment by equations:
 
-    [[segment]]
-    curve = { x = "r*cos(t)", y = "r*sin(t)", z = 25, from = 0, to = "2*pi", constants = { r = 15 } }
+    [[segment]] curve = { x = "r*cos(t)", y = "r*sin(t)", z = 25, from = 0, to = "2*pi", constants =
+    { r = 15 } }
 
-t is a number without a unit, and sin, cos and tan take radians, whatever the file declares. The equations must begin
-where the path stands, and be smooth.
+t is a number without a unit, and sin, cos and tan take radians, whatever the file declares. The
+equations must begin where the path stands, and be smooth.
 """
 
 from math import pi
@@ -19,11 +20,23 @@ from kinematics.foundation.errors import as_validation_error, validation_error
 from kinematics.foundation.formula import check_names, constant, formula
 from kinematics.foundation.units import Unit, describe_value
 from planner.program.model import Curve, Segment
-from planner.program.modifiers import CORNER_ANGLE, STOP, Blend, Fit, Free, Join, Stop, Through, Trigger
+from planner.program.modifiers import (
+    CORNER_ANGLE,
+    STOP,
+    Blend,
+    Fit,
+    Free,
+    Join,
+    Stop,
+    Through,
+    Trigger,
+)
 
 
 def _check_has_speed(constant: bool, info: ValidationInfo) -> bool:
-    if constant and info.data.get("speed", 1.0) is None:  # a faulty speed is not there, and told of already
+    if (
+        constant and info.data.get("speed", 1.0) is None
+    ):  # a faulty speed is not there, and told of already
         raise validation_error('needs a speed: add e.g. speed = "20 mm/s"')
     return constant
 
@@ -78,7 +91,9 @@ class BlendTable(TableSchema):
 class FitTable(TableSchema):
     """A join inside a chain of short lines and arcs that becomes a smooth curve."""
 
-    fit: Annotated[float, Unit("m", above=0, plain="length")] = key("largest distance of the curve from the chain")
+    fit: Annotated[float, Unit("m", above=0, plain="length")] = key(
+        "largest distance of the curve from the chain"
+    )
     angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = key(
         "largest change of the orientation; if not stated, the angle that moves points at the machine's "
         "characteristic length as far",
@@ -88,7 +103,9 @@ class FitTable(TableSchema):
         "angle between two directions above which a corner remains, rounded like a blend; 35 deg if not stated",
         default=CORNER_ANGLE,
     )
-    stop: bool = key("true: the motion stops at such a corner instead of rounding it", default=False)
+    stop: bool = key(
+        "true: the motion stops at such a corner instead of rounding it", default=False
+    )
 
 
 JoinEntry = Annotated[Literal["stop", "through"] | BlendTable | FitTable, Chosen(_join_type)]
@@ -117,14 +134,17 @@ class FreeTable(TableSchema):
 
 
 FreeEntry = Annotated[
-    Literal["yaw"] | FreeTable, Chosen(lambda value: FreeTable if isinstance(value, dict) else Literal["yaw"])
+    Literal["yaw"] | FreeTable,
+    Chosen(lambda value: FreeTable if isinstance(value, dict) else Literal["yaw"]),
 ]
 TriggerEntry = Annotated[Name | TriggerTable, Chosen(_trigger_type)]
 
 
 def _check_rests(entry: Name | TriggerTable | None) -> Name | TriggerTable | None:
     if isinstance(entry, TriggerTable) and entry.after_rest:
-        raise validation_error("after_rest is of a segment that moves: leave it out, as at = 1 is the end of the rest")
+        raise validation_error(
+            "after_rest is of a segment that moves: leave it out, as at = 1 is the end of the rest"
+        )
     return entry
 
 
@@ -135,7 +155,11 @@ def read_trigger(entry: Name | TriggerTable | None) -> Trigger | None:
     """The trigger that a file states."""
     if entry is None:
         return None
-    return Trigger(entry.name, entry.at, entry.after_rest) if isinstance(entry, TriggerTable) else Trigger(entry)
+    return (
+        Trigger(entry.name, entry.at, entry.after_rest)
+        if isinstance(entry, TriggerTable)
+        else Trigger(entry)
+    )
 
 
 SPEED = key("limit of the tool speed along the segment", '"20 mm/s"', None)
@@ -153,7 +177,9 @@ class MovingEntry(TableSchema):
         '{ blend = "0.05 mm" }',
         "stop",
     )
-    angular_speed: AngularSpeed | None = key("limit of the tool's angular speed along the segment", '"30 deg/s"', None)
+    angular_speed: AngularSpeed | None = key(
+        "limit of the tool's angular speed along the segment", '"30 deg/s"', None
+    )
     trigger: TriggerEntry | None = key(
         "event; at: share of the segment, 1 (the end) if not stated; at = 0, after_rest = true: as the motion "
         "continues after a rest there",
@@ -193,7 +219,11 @@ class PathEntry(MovingEntry):
 
     @property
     def freedom(self) -> Free | None:
-        return Free(self.free.yaw, self.free.tilt) if isinstance(self.free, FreeTable) else self.free and Free()
+        return (
+            Free(self.free.yaw, self.free.tilt)
+            if isinstance(self.free, FreeTable)
+            else self.free and Free()
+        )
 
     @property
     def modifiers(self) -> dict[str, Any]:
@@ -228,7 +258,9 @@ def _text(value: object) -> str:
 
 
 def _formula_validator(declared: str, unit: str) -> PlainValidator:
-    """Validator of a formula of t whose values are plain numbers of a declared unit: its text, and the unit in SI."""
+    """Validator of a formula of t whose values are plain numbers of a declared unit: its text, and
+    the unit in SI.
+    """
 
     def validate(value: object, info: ValidationInfo) -> tuple[str, float]:
         text = _text(value)
@@ -236,7 +268,9 @@ def _formula_validator(declared: str, unit: str) -> PlainValidator:
             formula(text, info.data.get("constants", {}), SX.sym("t"))
         scales = info.context or {}
         if declared not in scales:
-            raise validation_error(f'values without a unit: add the line {declared} = "{unit}" at the top')
+            raise validation_error(
+                f'values without a unit: add the line {declared} = "{unit}" at the top'
+            )
         return text, scales[declared]
 
     return PlainValidator(validate)
@@ -276,7 +310,9 @@ class CurveTable(TableSchema):
     @model_validator(mode="after")
     def _some_way(self) -> Self:
         if self.begin == self.end:
-            raise validation_error(f"t runs from {self.begin:g} to {self.end:g}: the two must differ")
+            raise validation_error(
+                f"t runs from {self.begin:g} to {self.end:g}: the two must differ"
+            )
         return self
 
 
@@ -290,7 +326,9 @@ class CurveEntry(PathEntry):
     def segment(self, line_number: int | None) -> Segment:
         table = self.curve
         turns = [given for given in (table.rx, table.ry, table.rz) if given is not None]
-        rx, ry, rz = ("0" if given is None else given[0] for given in (table.rx, table.ry, table.rz))
+        rx, ry, rz = (
+            "0" if given is None else given[0] for given in (table.rx, table.ry, table.rz)
+        )
         return Curve(
             (table.x[0], table.y[0], table.z[0]),
             table.begin,

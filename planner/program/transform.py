@@ -86,7 +86,8 @@ def states_destination(program: Program) -> bool:
 def states_rotation(program: Program) -> bool:
     """Return whether any segment states an orientation or an angle; equations do not count."""
     return any(
-        isinstance(part, Turn) or (isinstance(part, Line | Arc | Spline | Synchronised) and part.rotate is not None)
+        isinstance(part, Turn)
+        or (isinstance(part, Line | Arc | Spline | Synchronised) and part.rotate is not None)
         for part in program.segments
     )
 

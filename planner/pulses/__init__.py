@@ -1,4 +1,6 @@
-"""Pulse schedules: from a motion to exact clock ticks, and the independent proof that they stand for it."""
+"""Pulse schedules: from a motion to exact clock ticks, and the independent proof that they stand
+for it.
+"""
 
 import lazy_loader
 

@@ -1,21 +1,25 @@
-"""Pulses to the run-length step queue, short polynomials: the longest command within a tolerance, again from its end.
+"""Pulses to the run-length step queue, short polynomials: the longest command within a tolerance,
+again from its end.
 
-A command starts where the one before ended, so they come one after another; but where a pulse is kept exactly, what
-follows can be encoded without knowing what came before. So the pulses are cut into blocks that end with such a pulse,
-and all blocks of all axes are encoded side by side: that costs less than a command per block.
+A command starts where the one before ended, so they come one after another; but where a pulse is
+kept exactly, what follows can be encoded without knowing what came before. So the pulses are cut
+into blocks that end with such a pulse, and all blocks of all axes are encoded side by side: that
+costs less than a command per block.
 
-Where the pulse before fell at `last`, pulse j = 1, 2, … of a command falls at last + j·interval + add·j(j-1)/2. Divided
-by j, that is a line over x = (j-1)/2 which has to stab the upright segment between the bounds of pulse j:
+Where the pulse before fell at `last`, pulse j = 1, 2, … of a command falls at last + j·interval +
+add·j(j-1)/2. Divided by j, that is a line over x = (j-1)/2 which has to stab the upright segment
+between the bounds of pulse j:
 
     (earliest_j - last)/j  ≤  interval + add·x_j  ≤  (latest_j - last)/j
 
-For a given add, the intervals that serve the first n pulses lie between a running maximum and a running minimum. The
-adds that serve n pulses are an interval too, inside that of fewer pulses: the bound that is broken first tells on which
-side of an add the better ones lie [after O'Rourke 1981, on stabbing lines]. float64 is exact enough: a bound that is no
-whole number is at least 1/(2j), 8e-6, from one, and intervals below 2³² are rounded by less than 1e-6.
+For a given add, the intervals that serve the first n pulses lie between a running maximum and a
+running minimum. The adds that serve n pulses are an interval too, inside that of fewer pulses: the
+bound that is broken first tells on which side of an add the better ones lie [after O'Rourke 1981,
+on stabbing lines]. float64 is exact enough: a bound that is no whole number is at least 1/(2j),
+8e-6, from one, and intervals below 2³² are rounded by less than 1e-6.
 
-The search ends where no add serves more pulses if intervals need not be whole. What whole ones cost beyond that is not
-searched for: an exhaustive encoder makes some 1 % fewer commands.
+The search ends where no add serves more pulses if intervals need not be whole. What whole ones cost
+beyond that is not searched for: an exhaustive encoder makes some 1 % fewer commands.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,15 +37,18 @@ MAX_COUNT = 65535
 MAX_ADD = 32767
 """Largest magnitude of a command's add, a signed 16-bit number."""
 MAX_INTERVAL = 3 << 28
-"""Most ticks of a command's interval, as Klipper's host has it (chelper/stepcompress.c, CLOCK_DIFF_MAX).
+"""Most ticks of a command's interval, as Klipper's host has it (chelper/stepcompress.c,
+CLOCK_DIFF_MAX).
 
-Firmware compares times of 32 bits by the sign of their difference: what is 2³¹ or more ahead is past to it.
+Firmware compares times of 32 bits by the sign of their difference: what is 2³¹ or more ahead is
+past to it.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class StepQueue:
-    """The commands of one axis, in ticks of the schedule's clock: pulse k (from 0) of a command falls at
+    """The commands of one axis, in ticks of the schedule's clock: pulse k (from 0) of a command
+    falls at
 
         first + k·interval + add·k(k+1)/2     with first = last + interval
 
@@ -71,7 +78,9 @@ class StepQueue:
     @property
     def last(self) -> Ticks:
         """(M,) the tick from which each command counts: of the pulse before, or of the reset."""
-        end = np.cumsum(self.count * self.interval + self.add * (self.count * (self.count - 1) // 2))
+        end = np.cumsum(
+            self.count * self.interval + self.add * (self.count * (self.count - 1) // 2)
+        )
         before = np.concatenate([[0], end[:-1]])
         resets = np.flatnonzero(self.reset >= 0)
         shift = np.zeros(len(self), np.int64)
@@ -87,7 +96,11 @@ def decompress(queue: StepQueue) -> tuple[Ticks, Signs]:
     first = np.cumsum(queue.count) - queue.count
     command: NDArray[np.intp] = np.repeat(np.arange(len(queue)), queue.count)
     nth = np.arange(len(command)) - first[command]
-    ticks = queue.last[command] + (nth + 1) * queue.interval[command] + queue.add[command] * (nth * (nth + 1) // 2)
+    ticks = (
+        queue.last[command]
+        + (nth + 1) * queue.interval[command]
+        + queue.add[command] * (nth * (nth + 1) // 2)
+    )
     return ticks, queue.direction[command]
 
 
@@ -104,7 +117,8 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Pulses that commands are made for: block after block, each behind the pulse from whose tick it starts.
+    """Pulses that commands are made for: block after block, each behind the pulse from whose tick
+    it starts.
 
     ticks, earliest, latest  (N,) where each pulse is, and between what it may fall
     turns                    indices where a run that goes one way has ended; N is the last
@@ -144,7 +158,9 @@ class _Lanes:
 
 
 def encode(bounds: Bounds, once: bool = False) -> Ticks:
-    """Commands (M, 4) of all blocks, in no order: first pulse, interval, count, add; once: only the first of each."""
+    """Commands (M, 4) of all blocks, in no order: first pulse, interval, count, add; once: only the
+    first of each.
+    """
     begin, end = bounds.begin, bounds.end
     whole = np.ones(len(begin), np.int64)
     lanes = _Lanes(
@@ -172,9 +188,13 @@ def encode(bounds: Bounds, once: bool = False) -> Ticks:
 
 
 def _advance(bounds: Bounds, lanes: _Lanes, k: Indices, window: int) -> Ticks:
-    """Look at the next pulses of the lanes k, as many as the window: the commands (M, 4) of those that are settled."""
+    """Look at the next pulses of the lanes k, as many as the window: the commands (M, 4) of those
+    that are settled.
+    """
     at = lanes.at[k]
-    limit = np.minimum(lanes.end[k], bounds.turns[np.searchsorted(bounds.turns, at, side="right")]) - at
+    limit = (
+        np.minimum(lanes.end[k], bounds.turns[np.searchsorted(bounds.turns, at, side="right")]) - at
+    )
     limit = np.minimum(limit, MAX_COUNT)
     earliest, latest, x = _segments(bounds, at, lanes.last[k], limit, window)
     guess = _estimate(earliest, latest, np.minimum(limit, lanes.usual[k]))
@@ -188,9 +208,16 @@ def _advance(bounds: Bounds, lanes: _Lanes, k: Indices, window: int) -> Ticks:
     for beyond, edge, way in ((lower, 0, -1), (higher, -1, 1)):
         if beyond.any():
             needed = _required_add(
-                earliest[:, beyond], latest[:, beyond], x, look.broken[edge, beyond], way, bounds.least
+                earliest[:, beyond],
+                latest[:, beyond],
+                x,
+                look.broken[edge, beyond],
+                way,
+                bounds.least,
             )
-            ahead = way * np.maximum(way * needed, way * tried[edge, beyond] + 1) + way  # the tries are around it
+            ahead = (
+                way * np.maximum(way * needed, way * tried[edge, beyond] + 1) + way
+            )  # the tries are around it
             lanes.add[k[beyond]] = np.clip(ahead, lanes.low[k[beyond]], lanes.high[k[beyond]])
     best = look.served.argmax(0), np.arange(len(k))
     count = look.served[best]
@@ -199,11 +226,17 @@ def _advance(bounds: Bounds, lanes: _Lanes, k: Indices, window: int) -> Ticks:
     lanes.window[k[wider]] *= WINDOW_GROWTH
     done = ~lower & ~higher & ~wider
     best = best[0][done], best[1][done]
-    return _emit_commands(bounds, lanes, k[done], count[done], tried[best], look.least[best], look.greatest[best])
+    return _emit_commands(
+        bounds, lanes, k[done], count[done], tried[best], look.least[best], look.greatest[best]
+    )
 
 
-def _segments(bounds: Bounds, at: Ticks, last: Ticks, limit: Ticks, window: int) -> tuple[Array, Array, Array]:
-    """Ends of the segments (W, L) that lines have to stab, and their x (W, 1); beyond the limit none can."""
+def _segments(
+    bounds: Bounds, at: Ticks, last: Ticks, limit: Ticks, window: int
+) -> tuple[Array, Array, Array]:
+    """Ends of the segments (W, L) that lines have to stab, and their x (W, 1); beyond the limit
+    none can.
+    """
     j = np.arange(1, window + 1)[:, None]
     index = np.minimum(at + (j - 1), len(bounds.ticks) - 1)
     earliest = (bounds.earliest[index] - last) / j
@@ -242,33 +275,51 @@ def _try_adds(earliest: Array, latest: Array, x: Array, add: Ticks, least: int) 
     """Look at adds (T, L) for the segments (W, L)."""
     slope = add * x[:, None]
     low, high = earliest[:, None] - slope, latest[:, None] - slope
-    np.maximum(low, least - 2 * slope, out=low)  # the interval before pulse j is interval + add·(j-1)
+    np.maximum(
+        low, least - 2 * slope, out=low
+    )  # the interval before pulse j is interval + add·(j-1)
     most, fewest = np.maximum.accumulate(low), np.minimum.accumulate(high)
     broken = np.count_nonzero(most <= fewest, axis=0)
     served = np.count_nonzero(np.ceil(most) <= np.floor(fewest), axis=0)
     each = np.arange(len(add))[:, None], np.arange(add.shape[1])
     first: Ticks = np.minimum(broken, len(x) - 1)
     way = np.where(low[first, *each] > fewest[first, *each], 1, -1)
-    return _Look(served, np.ceil(most[served - 1, *each]), np.floor(fewest[served - 1, *each]), broken, way)
+    return _Look(
+        served, np.ceil(most[served - 1, *each]), np.floor(fewest[served - 1, *each]), broken, way
+    )
 
 
-def _required_add(earliest: Array, latest: Array, x: Array, broken: Ticks, way: int, least: int) -> Ticks:
-    """The add (L,) nearest to those tried, on the side `way`, that meets the broken segment with each one before."""
+def _required_add(
+    earliest: Array, latest: Array, x: Array, broken: Ticks, way: int, least: int
+) -> Ticks:
+    """The add (L,) nearest to those tried, on the side `way`, that meets the broken segment with
+    each one before.
+    """
     there = (earliest if way > 0 else -latest)[broken, np.arange(len(broken))]
     here = latest if way > 0 else -earliest
     run = x[broken, 0] - x
     slope = np.where(run > 0, (there - here) / np.where(run > 0, run, 1.0), -np.inf).max(axis=0)
     if way > 0:  # the interval before it is long enough, too
         run = x[broken, 0] + run
-        apart = np.where(run >= x[broken, 0], (least - latest) / np.maximum(run, 0.5), -np.inf).max(axis=0)
+        apart = np.where(run >= x[broken, 0], (least - latest) / np.maximum(run, 0.5), -np.inf).max(
+            axis=0
+        )
         slope = np.maximum(slope, apart)
     return np.asarray(way * np.ceil(slope), np.int64)
 
 
 def _emit_commands(
-    bounds: Bounds, lanes: _Lanes, k: Indices, count: Ticks, add: Ticks, least: Array, greatest: Array
+    bounds: Bounds,
+    lanes: _Lanes,
+    k: Indices,
+    count: Ticks,
+    add: Ticks,
+    least: Array,
+    greatest: Array,
 ) -> Ticks:
-    """The commands (M, 4), of the interval that ends nearest to the pulse's own tick; their lanes start again there."""
+    """The commands (M, 4), of the interval that ends nearest to the pulse's own tick; their lanes
+    start again there.
+    """
     at, curve = lanes.at[k], add * (count * (count - 1) // 2)
     wanted = (bounds.ticks[at + count - 1] - lanes.last[k] - curve) / count
     interval = np.clip(np.rint(wanted), least, greatest).astype(np.int64)
@@ -294,7 +345,9 @@ def compress(axes: Sequence[AxisPulses], tolerance: int, least: int = 1) -> tupl
     Raises MotionError where pulses of an axis are closer already, or one is before tick 0.
     """
     if tolerance < 0 or least < 1:
-        raise MotionError(f"tolerance {tolerance} and least interval {least} ticks: must be at least 0 and 1")
+        raise MotionError(
+            f"tolerance {tolerance} and least interval {least} ticks: must be at least 0 and 1"
+        )
     firsts = [_find_resets(axis, tolerance, least) for axis in axes]
     # Stretches (M, 3) between resets: axis, and the pulses from the second on.
     stretches = np.concatenate(
@@ -316,9 +369,13 @@ def compress(axes: Sequence[AxisPulses], tolerance: int, least: int = 1) -> tupl
 
 
 def _find_resets(axis: AxisPulses, tolerance: int, least: int) -> Ticks:
-    """The pulses before which the clock is reset: the first, and those after a wait longer than an interval can be."""
+    """The pulses before which the clock is reset: the first, and those after a wait longer than an
+    interval can be.
+    """
     if len(axis) and axis.ticks[0] < 0:
-        raise MotionError(f"axis {axis.name}: its first pulse is at tick {axis.ticks[0]}; the clock starts at 0")
+        raise MotionError(
+            f"axis {axis.name}: its first pulse is at tick {axis.ticks[0]}; the clock starts at 0"
+        )
     gap = np.diff(axis.ticks)
     if len(gap) and gap.min() < least:
         i = int(gap.argmin())
@@ -326,10 +383,14 @@ def _find_resets(axis: AxisPulses, tolerance: int, least: int) -> Ticks:
             f"axis {axis.name}: the pulses at ticks {axis.ticks[i]} and {axis.ticks[i + 1]} are {gap[i]} ticks apart, "
             f"limit {least}; choose a smaller least interval, or slow the motion"
         )
-    return np.flatnonzero(np.concatenate([[True], gap > MAX_INTERVAL - 2 * tolerance])[: len(axis)]).astype(np.int64)
+    return np.flatnonzero(
+        np.concatenate([[True], gap > MAX_INTERVAL - 2 * tolerance])[: len(axis)]
+    ).astype(np.int64)
 
 
-def _typical_pulses(axes: Sequence[AxisPulses], stretches: Ticks, tolerance: int, least: int) -> int:
+def _typical_pulses(
+    axes: Sequence[AxisPulses], stretches: Ticks, tolerance: int, least: int
+) -> int:
     """How many pulses a command has about, by the first ones from pulses here and there."""
     lengths = stretches[:, 2] - stretches[:, 1]
     if not len(lengths):
@@ -339,12 +400,16 @@ def _typical_pulses(axes: Sequence[AxisPulses], stretches: Ticks, tolerance: int
     stretch = np.searchsorted(behind, probes, side="right")
     axis, _, end = stretches[stretch].T
     begin = end - (behind[stretch] - probes)
-    blocks = np.column_stack([axis, begin, np.minimum(end, begin + PROBE_PULSES), np.zeros_like(begin)])
+    blocks = np.column_stack(
+        [axis, begin, np.minimum(end, begin + PROBE_PULSES), np.zeros_like(begin)]
+    )
     return int(np.median(_encode(axes, blocks, tolerance, least, once=True)[:, 3]))
 
 
 def _pieces(stretches: Ticks, typical: int) -> Iterator[Ticks]:
-    """Blocks (M, 4) that are encoded together: axis, begin, end, and 1 where the last pulse is kept exactly."""
+    """Blocks (M, 4) that are encoded together: axis, begin, end, and 1 where the last pulse is kept
+    exactly.
+    """
     size = max(MIN_BLOCK_PULSES, BLOCK_COMMANDS * typical)
     blocks: list[tuple[int, int, int, bool]] = []
     total = 0
@@ -360,7 +425,9 @@ def _pieces(stretches: Ticks, typical: int) -> Iterator[Ticks]:
         yield np.array(blocks, np.int64)
 
 
-def _encode(axes: Sequence[AxisPulses], blocks: Ticks, tolerance: int, least: int, once: bool = False) -> Ticks:
+def _encode(
+    axes: Sequence[AxisPulses], blocks: Ticks, tolerance: int, least: int, once: bool = False
+) -> Ticks:
     """Commands (M, 5) of blocks (B, 4): axis, first pulse, interval, count, add."""
     rows = blocks.tolist()
     ticks = np.concatenate([axes[k].ticks[begin - 1 : end] for k, begin, end, _ in rows])
@@ -371,13 +438,21 @@ def _encode(axes: Sequence[AxisPulses], blocks: Ticks, tolerance: int, least: in
     earliest, latest = ticks - tolerance, ticks + tolerance
     kept = blocks[:, 3] == 1
     _narrow_bounds(ticks, earliest, latest, begin[kept], end[kept] - 1, least)
-    place, interval, count, add = encode(Bounds(ticks, earliest, latest, turns, begin, end, least), once).T
+    place, interval, count, add = encode(
+        Bounds(ticks, earliest, latest, turns, begin, end, least), once
+    ).T
     block = np.searchsorted(end, place, side="right")
-    return np.column_stack([blocks[block, 0], place - begin[block] + blocks[block, 1], interval, count, add])
+    return np.column_stack(
+        [blocks[block, 0], place - begin[block] + blocks[block, 1], interval, count, add]
+    )
 
 
-def _narrow_bounds(ticks: Ticks, earliest: Ticks, latest: Ticks, begin: Ticks, last: Ticks, least: int) -> None:
-    """Narrow the bounds: the last pulses of blocks are kept exactly, and those before them early enough for that."""
+def _narrow_bounds(
+    ticks: Ticks, earliest: Ticks, latest: Ticks, begin: Ticks, last: Ticks, least: int
+) -> None:
+    """Narrow the bounds: the last pulses of blocks are kept exactly, and those before them early
+    enough for that.
+    """
     room = earliest[last] = latest[last] = ticks[last]
     while len(last):
         last, room = last - 1, room - least
@@ -389,7 +464,9 @@ def _narrow_bounds(ticks: Ticks, earliest: Ticks, latest: Ticks, begin: Ticks, l
 def _queue(axis: AxisPulses, first: Ticks, commands: Ticks) -> StepQueue:
     """The queue of an axis, whose first pulses are commands of their own."""
     reset = np.where((axis.ticks[first] > MAX_INTERVAL) | (first > 0), axis.ticks[first], 0)
-    alone = np.column_stack([first, axis.ticks[first] - reset, np.ones_like(first), np.zeros_like(first)])
+    alone = np.column_stack(
+        [first, axis.ticks[first] - reset, np.ones_like(first), np.zeros_like(first)]
+    )
     commands = np.concatenate([alone, commands])
     place, interval, count, add = commands[np.argsort(commands[:, 0])].T
     resets = np.full(len(place), -1)

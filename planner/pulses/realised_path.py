@@ -1,7 +1,8 @@
-"""The realised path: the pose to which the counts lead the mechanics, at every pulse, against the planned one.
+"""The realised path: the pose to which the counts lead the mechanics, at every pulse, against the
+planned one.
 
-Its errors are found, and bounded by how far the axes can be from where they are planned while the counts keep their
-bound.
+Its errors are found, and bounded by how far the axes can be from where they are planned while the
+counts keep their bound.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,21 +24,34 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.pose import COMPONENTS, to_numbers
 from planner.place import Place
 from planner.pulses.compensation.compensate import CompensatedMotion
-from planner.pulses.motion import AxesMotion, apply_play, apply_screw, describe_mechanics, invert_screw, solve_poses
+from planner.pulses.motion import (
+    AxesMotion,
+    apply_play,
+    apply_screw,
+    describe_mechanics,
+    invert_screw,
+    solve_poses,
+)
 from planner.pulses.schedule import PulseSchedule
 from planner.shaping.shaped_motion import ShapedMotion, reached_poses
 from planner.trajectory import State, Trajectory
 
 
 def bound_axis_errors(
-    trajectory: AxesMotion, driven: Sequence[Axis], schedule: PulseSchedule, behind: CompensatedMotion | None, t: Array
+    trajectory: AxesMotion,
+    driven: Sequence[Axis],
+    schedule: PulseSchedule,
+    behind: CompensatedMotion | None,
+    t: Array,
 ) -> Array:
-    """(N, n) m or rad at instants t (N,): how far each axis can be from where it is planned; between two, the larger.
+    """(N, n) m or rad at instants t (N,): how far each axis can be from where it is planned;
+    between two, the larger.
 
-    The counts are δ = bound·pulse and one tick's travel about what is counted; play keeps what δ was at the last turn,
-    so with play δ is the largest so far. Play and lead error are whole where they are not made up for. Where they are,
-    the screw's slope is on δ, and the axis is off by what compensation says: while the play is crossed, and by the
-    farthest run back that turns nothing. Schedules that count something else than `behind` may be farther away.
+    The counts are δ = bound·pulse and one tick's travel about what is counted; play keeps what δ
+    was at the last turn, so with play δ is the largest so far. Play and lead error are whole where
+    they are not made up for. Where they are, the screw's slope is on δ, and the axis is off by what
+    compensation says: while the play is crossed, and by the farthest run back that turns nothing.
+    Schedules that count something else than `behind` may be farther away.
     """
     q, counted = trajectory.at(t).q, trajectory if behind is None else behind
     travel = abs(counted.at(t).qd) / schedule.clock_hz
@@ -54,9 +68,14 @@ def bound_axis_errors(
         made_up_for = "lead" in axis.compensate
         middle = invert_screw(wanted, axis) if made_up_for else wanted
         behind_by, ahead_by = (slack, 0.0) if axis.pushed == "-" else (0.0, slack)
-        below, above = apply_screw(middle - behind_by - delta, axis), apply_screw(middle + ahead_by + delta, axis)
+        below, above = (
+            apply_screw(middle - behind_by - delta, axis),
+            apply_screw(middle + ahead_by + delta, axis),
+        )
         away[:, k] = np.maximum(abs(above - wanted), abs(wanted - below)) + off
-        if axis.lead_error is not None and not made_up_for:  # a point of the table between two instants
+        if (
+            axis.lead_error is not None and not made_up_for
+        ):  # a point of the table between two instants
             counted_at, error = np.array(axis.lead_error).T
             way = abs(np.diff(wanted))
             half = np.maximum(np.append(way, 0.0), np.append(0.0, way)) / 2
@@ -75,14 +94,18 @@ def _is_taking_up(steps: Array, t: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class RealisedError:
-    """One error of the realised path: realised - planned, a component in the base frame or a distance in space.
+    """One error of the realised path: realised - planned, a component in the base frame or a
+    distance in space.
 
-    rms         √(1/T ∫ e² dt), the error taken as linear between the instants looked at, window by window
+    rms         √(1/T ∫ e² dt), the error taken as linear between the instants looked at, window by
+                window
     max, where  the largest magnitude and its place
-    bound       of the magnitude, the largest along the path: Σⱼ |J⁻¹ᵢⱼ| bⱼ of a component, max ‖J⁻¹ b‖ over the signs
-                of the bⱼ in space; bⱼ, in m or rad, is the schedule's bound and one tick's travel of axis j through
-                its screw, and its play and lead error, or what is left of them where they are made up for
-    series, bounds  (W,) the same in windows of time: largest magnitude, and largest bound at the windows' two ends
+    bound       of the magnitude, the largest along the path: Σⱼ |J⁻¹ᵢⱼ| bⱼ of a component, max ‖J⁻¹
+                b‖ over the signs of the bⱼ in space; bⱼ, in m or rad, is the schedule's bound and
+                one tick's travel of axis j through its screw, and its play and lead error, or what
+                is left of them where they are made up for
+    series, bounds  (W,) the same in windows of time: largest magnitude, and largest bound at the
+                    windows' two ends
     """
 
     name: str
@@ -98,7 +121,9 @@ class RealisedError:
     def share(self) -> float:
         """The largest share of the bound that any window's error takes."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            return float(np.nanmax(np.where(self.bounds > 0, self.series / self.bounds, 0.0), initial=0.0))
+            return float(
+                np.nanmax(np.where(self.bounds > 0, self.series / self.bounds, 0.0), initial=0.0)
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +134,11 @@ class RealisedPath(Result):
     instants  how many were looked at, each just after a pulse and just before the next
     stride    1: all of them; k: every k-th
     edges     (W+1,) s, the ends of the windows of the errors' series
-    errors    of each component that moves, then in space ("position") and of the whole turn ("orientation")
+    errors    of each component that moves, then in space ("position") and of the whole turn
+              ("orientation")
     mover     "platform" or "tool": whose pose it is
-    mechanics of each axis that states play or lead error, in words: both are simulated, and in the bound
+    mechanics of each axis that states play or lead error, in words: both are simulated, and in the
+    bound
     """
 
     machine: str
@@ -145,14 +172,21 @@ class RealisedPath(Result):
             Column("error", [error.name for error in self.errors]),
             *(
                 Column(
-                    name, [getattr(error, field) for error in self.errors], units, "micro", ".4f", up=field == "bound"
+                    name,
+                    [getattr(error, field) for error in self.errors],
+                    units,
+                    "micro",
+                    ".4f",
+                    up=field == "bound",
                 )
                 for name, field in figures
             ),
             Column("of bound", [error.share for error in self.errors], form=".3f"),
             *Place.columns([error.where for error in self.errors]),
         )
-        return (Table(title, columns, tuple(f"in error and bound, {text}" for text in self.mechanics)),)
+        return (
+            Table(title, columns, tuple(f"in error and bound, {text}" for text in self.mechanics)),
+        )
 
     def data(self) -> Table:
         """The largest of each error in windows of time, and its bound."""
@@ -187,16 +221,20 @@ class CountedMotion(Protocol):
 
 
 @check_arguments()
-def realised(plan: CountedMotion, pulses: PulseSchedule | None = None, *, stride: int = 1) -> RealisedPath:
+def realised(
+    plan: CountedMotion, pulses: PulseSchedule | None = None, *, stride: int = 1
+) -> RealisedPath:
     """The realised path of a plan's pulses, or of other pulses for its motion.
 
-    Between two pulses of any axis the counts stand for one pose: the motors are where they are counted, the axes where
-    the play and the lead error that they state leave them (`planner.pulses.motion`), whatever of both the counts
-    make up for, and the pose is found by forward kinematics (Newton from the planned one, to rounding). It is compared
-    with the planned pose at both ends, which lie just after the one pulse and just before the next. Ends of windows of
-    time are looked at as well: rests and turning points between pulses are seen. Of a machine whose platform carries a
-    tool, the pose is the tool's. stride k takes every k-th interval. Each axis starts on the side of its
-    play that its `pushed` says. Raises MotionError where counts stand for no pose, or the motion has none.
+    Between two pulses of any axis the counts stand for one pose: the motors are where they are
+    counted, the axes where the play and the lead error that they state leave them
+    (`planner.pulses.motion`), whatever of both the counts make up for, and the pose is found by
+    forward kinematics (Newton from the planned one, to rounding). It is compared with the planned
+    pose at both ends, which lie just after the one pulse and just before the next. Ends of windows
+    of time are looked at as well: rests and turning points between pulses are seen. Of a machine
+    whose platform carries a tool, the pose is the tool's. stride k takes every k-th interval. Each
+    axis starts on the side of its play that its `pushed` says. Raises MotionError where counts
+    stand for no pose, or the motion has none.
     """
     machine, trajectory = plan.machine, plan.trajectory
     behind = plan.counted if isinstance(plan.counted, CompensatedMotion) else None
@@ -208,7 +246,9 @@ def realised(plan: CountedMotion, pulses: PulseSchedule | None = None, *, stride
             f"stride {stride}; give one of each per axis, and a stride from 1 on"
         )
     grid = np.linspace(0.0, _last_tick(schedule), WINDOWS + 1)
-    found = _ErrorSums(np.zeros((WINDOWS, 8)), np.zeros(WINDOWS), np.zeros((WINDOWS, 8)), np.zeros(8), np.zeros(8))
+    found = _ErrorSums(
+        np.zeros((WINDOWS, 8)), np.zeros(WINDOWS), np.zeros((WINDOWS, 8)), np.zeros(8), np.zeros(8)
+    )
     instants = 0
     for begin, end, q in _intervals(schedule, machine.axes, grid, stride):
         instants += _compare(found, plan, schedule, grid, begin, end, q)
@@ -216,7 +256,11 @@ def realised(plan: CountedMotion, pulses: PulseSchedule | None = None, *, stride
     rms = np.sqrt((found.square / found.time[:, None]).mean(0))
     moving = [*(machine.freedom + machine.follows), *ROW_COMPONENTS]
     names = [*COMPONENTS, *ROW_COMPONENTS]
-    rows = [k for k, name in enumerate(names) if name in moving and (k < 7 or set(moving) & set(COMPONENTS[3:]))]
+    rows = [
+        k
+        for k, name in enumerate(names)
+        if name in moving and (k < 7 or set(moving) & set(COMPONENTS[3:]))
+    ]
     errors = tuple(
         RealisedError(
             names[k],
@@ -233,13 +277,22 @@ def realised(plan: CountedMotion, pulses: PulseSchedule | None = None, *, stride
     mover = "platform" if trajectory.path.tool is None else "tool"
     edges = freeze_array(grid / schedule.clock_hz)
     return RealisedPath(
-        machine.name, schedule.rule, mover, instants, stride, edges, errors, _describe_mechanics(machine.axes, behind)
+        machine.name,
+        schedule.rule,
+        mover,
+        instants,
+        stride,
+        edges,
+        errors,
+        _describe_mechanics(machine.axes, behind),
     )
 
 
 @dataclass(slots=True)
 class _ErrorSums:
-    """∫ e² dt (W, 8) over how much time (W,), the largest magnitudes (W, 8) in windows and (8,) in all, when (8,)."""
+    """∫ e² dt (W, 8) over how much time (W,), the largest magnitudes (W, 8) in windows and (8,) in
+    all, when (8,).
+    """
 
     square: Array
     time: Array
@@ -257,7 +310,9 @@ def _last_tick(schedule: PulseSchedule) -> float:
 def _intervals(
     schedule: PulseSchedule, driven: Sequence[Axis], grid: Array, stride: int
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Begin and end (M,) in ticks of what lies between edges, pulses or the grid's; coordinates (M, n)."""
+    """Begin and end (M,) in ticks of what lies between edges, pulses or the grid's; coordinates (M,
+    n).
+    """
     marks = np.unique(
         np.concatenate([[0], *(axis.ticks[BLOCK_PULSES::BLOCK_PULSES] for axis in schedule.axes)])
     ).astype(float)
@@ -270,11 +325,15 @@ def _intervals(
         fired = [axis.ticks[span] for axis, span in zip(schedule.axes, spans, strict=True)]
         edges = merge_rising(np.array([lo, hi]), inside, *fired)
         every = np.arange((-seen) % stride, len(edges) - 1, stride)
-        here = np.union1d(every, np.searchsorted(edges, inside))  # each window has its first interval at least
+        here = np.union1d(
+            every, np.searchsorted(edges, inside)
+        )  # each window has its first interval at least
         seen += len(edges) - 1
         q = np.empty((len(here), len(counts)))
         for k, (axis, span) in enumerate(zip(schedule.axes, spans, strict=True)):
-            running = np.concatenate(([counts[k]], counts[k] + np.cumsum(axis.direction[span], dtype=np.int64)))
+            running = np.concatenate(
+                ([counts[k]], counts[k] + np.cumsum(axis.direction[span], dtype=np.int64))
+            )
             pushes = apply_play(running * axis.pulse, driven[k], pushed[k])
             at = np.searchsorted(fired[k], edges[here], side="right")
             q[:, k] = axis.home + apply_screw(pushes[at], driven[k])
@@ -303,7 +362,9 @@ def _compare(
     before, after = (_errors(reached, planned[ends]) for ends in (first, last))
     time = (end - begin) / schedule.clock_hz
     square = before**2 + before * after + after**2
-    for k, part in enumerate(ROW_COMPONENTS.values(), 6):  # vectors: ∫ ‖e‖² is the sum over their components
+    for k, part in enumerate(
+        ROW_COMPONENTS.values(), 6
+    ):  # vectors: ∫ ‖e‖² is the sum over their components
         square[:, k] = square[:, part].sum(1)
     both = np.maximum(abs(before), abs(after))
     window = np.searchsorted(grid, begin, side="right") - 1
@@ -319,7 +380,9 @@ def _compare(
 
 
 def _planned_poses(plan: CountedMotion, t: Array) -> tuple[Array, Array]:
-    """Pose numbers (N, 12) and coordinates (N, n) planned at t (N,): behind input shapers, where there are any."""
+    """Pose numbers (N, 12) and coordinates (N, n) planned at t (N,): behind input shapers, where
+    there are any.
+    """
     shaped = _find_shaped(plan)
     if shaped is None:
         state = plan.trajectory.at(t)
@@ -337,12 +400,15 @@ def _find_shaped(plan: CountedMotion) -> ShapedMotion | None:
 def _pose_numbers(state: State) -> Array:
     x = state.path.pose_numbers(state.s, state.piece)
     if x is None:
-        raise MotionError("this motion has no machine, so it has no pose that counts could stand for")
+        raise MotionError(
+            "this motion has no machine, so it has no pose that counts could stand for"
+        )
     return x
 
 
 def _errors(reached: Array, planned: Array) -> Array:
-    """(N, 8) of pose numbers: e = p - p_r and the vector of R R_rᵀ in the base frame, then their two magnitudes.
+    """(N, 8) of pose numbers: e = p - p_r and the vector of R R_rᵀ in the base frame, then their
+    two magnitudes.
 
     The turn is small: its vector is that of the skew part, sin φ = φ to φ³/6.
     """
@@ -354,20 +420,30 @@ def _errors(reached: Array, planned: Array) -> Array:
     return np.concatenate([away, vector, *sizes], 1)
 
 
-def _error_bounds(plan: CountedMotion, schedule: PulseSchedule, behind: CompensatedMotion | None, t: Array) -> Array:
-    """(N, 8) at instants t (N,): how large counts that keep the schedule's bound can make each error.
+def _error_bounds(
+    plan: CountedMotion, schedule: PulseSchedule, behind: CompensatedMotion | None, t: Array
+) -> Array:
+    """(N, 8) at instants t (N,): how large counts that keep the schedule's bound can make each
+    error.
 
-    Σⱼ |J⁻¹ᵢⱼ| bⱼ of a component; in space the largest ‖J⁻¹ b‖ at the corners of the box of b, where a norm is largest.
+    Σⱼ |J⁻¹ᵢⱼ| bⱼ of a component; in space the largest ‖J⁻¹ b‖ at the corners of the box of b, where
+    a norm is largest.
     """
     (x, q), path = _planned_poses(plan, t), plan.trajectory.path
     step = sensitivity(plan.machine, x, q)
     if path.tool is not None:  # v of the tool = v + ω × r
         lever = path.tool(x)[:, :3] - x[:, :3]
         step[:, :3] += np.cross(step[:, 3:], lever[:, :, None], axis=1)
-    step *= bound_axis_errors(_find_shaped(plan) or plan.trajectory, plan.machine.axes, schedule, behind, t)[:, None, :]
-    signs = np.array([(1, *rest) for rest in product((1, -1), repeat=len(schedule.axes) - 1)], float).T
+    step *= bound_axis_errors(
+        _find_shaped(plan) or plan.trajectory, plan.machine.axes, schedule, behind, t
+    )[:, None, :]
+    signs = np.array(
+        [(1, *rest) for rest in product((1, -1), repeat=len(schedule.axes) - 1)], float
+    ).T
     corners = step @ signs
-    sizes = [np.linalg.norm(corners[:, part], axis=1).max(1)[:, None] for part in ROW_COMPONENTS.values()]
+    sizes = [
+        np.linalg.norm(corners[:, part], axis=1).max(1)[:, None] for part in ROW_COMPONENTS.values()
+    ]
     return np.concatenate([abs(step).sum(2), *sizes], 1)
 
 

@@ -1,4 +1,5 @@
-"""A pulse schedule: for every axis the clock ticks at which it is stepped, and which way; whole, or in parts.
+"""A pulse schedule: for every axis the clock ticks at which it is stepped, and which way; whole, or
+in parts.
 
 Parts follow each other in time. They are joined, or compared without ever being whole.
 """
@@ -29,13 +30,14 @@ class AxisPulses:
 
     ticks      (N,) int64, strictly increasing: pulse i falls at ticks[i] / clock_hz
     direction  (N,) int8, +1/-1 in q (not in the wiring's count)
-    start      count before the first pulse: (q(0) - home) / pulse rounded to the nearest, half-way cases down
+    start      count before the first pulse: (q(0) - home) / pulse rounded to the nearest, half-way
+               cases down
     pulse      m or rad per pulse
     home       m or rad, the axis coordinate from which pulses count
     bound      pulses: |count - (q(t) - home) / pulse| stays within it and one tick's travel
 
-    The class holds what it is given: that the ticks rise and follow the motion is for `planner.pulses.checking` to
-    prove.
+    The class holds what it is given: that the ticks rise and follow the motion is for
+    `planner.pulses.checking` to prove.
     """
 
     __repr__ = short_repr
@@ -52,14 +54,18 @@ class AxisPulses:
         object.__setattr__(self, "direction", freeze_array(self.direction, np.int8))
         if self.ticks.ndim != 1 or self.ticks.shape != self.direction.shape:
             shapes = f"ticks {self.ticks.shape} and directions {self.direction.shape}"
-            raise MotionError(f"axis {self.name}: {shapes} differ in shape; give one direction per tick")
+            raise MotionError(
+                f"axis {self.name}: {shapes} differ in shape; give one direction per tick"
+            )
 
     def __len__(self) -> int:
         return len(self.ticks)
 
     def counts(self, ticks: ArrayLike) -> Ticks:
         """(N,) the count after the pulses at or before each tick."""
-        running = np.concatenate(([self.start], self.start + np.cumsum(self.direction, dtype=np.int64)))
+        running = np.concatenate(
+            ([self.start], self.start + np.cumsum(self.direction, dtype=np.int64))
+        )
         return running[np.searchsorted(self.ticks, ticks, side="right")]
 
     @property
@@ -92,13 +98,16 @@ class Compensation:
 
     kinds         "lead", "backlash"
     crossings     times that the motor crosses the play
-    off           m or rad by which the axis is behind at most while it does: all of its way meanwhile, a loose bound
+    off           m or rad by which the axis is behind at most while it does: all of its way
+                  meanwhile, a loose bound
     windows       (begin, end) in s of each crossing, which ends once the axis is where it should be
     unturned      m or rad of the farthest run back, below half a pulse, for which it does not
-    speed, acceleration  of the motor at most while it does, m/s and m/s² or rad/s and rad/s², the motion's own included
+    speed, acceleration  of the motor at most while it does, m/s and m/s² or rad/s and rad/s², the
+                         motion's own included
                   and looked at before its screw's table; neither is in the certificate
     max_speed, max_acceleration  what they keep to; None: nothing
-    jerk          m/s³ or rad/s³ of crossing the play, at most: told, and kept to max_jerk only while the axis rests
+    jerk          m/s³ or rad/s³ of crossing the play, at most: told, and kept to max_jerk only
+                  while the axis rests
     """
 
     axis: str
@@ -119,7 +128,8 @@ COUNTER = -(1 << 27), (1 << 27) - 1
 
 
 def refuse_counter(pulses: AxisPulses, axis: Axis) -> None:
-    """Raise MotionError where an axis, at rest or moving, stands at a count that its card's register does not hold.
+    """Raise MotionError where an axis, at rest or moving, stands at a count that its card's
+    register does not hold.
 
     The register counts as the wiring does: an axis of direction -1 the other way.
     """
@@ -135,7 +145,8 @@ def refuse_counter(pulses: AxisPulses, axis: Axis) -> None:
 
 @dataclass(frozen=True, slots=True)
 class PulseSchedule(Result):
-    """The pulses of every axis on one clock (clock_hz ticks per second); the motion ends at `duration` (s).
+    """The pulses of every axis on one clock (clock_hz ticks per second); the motion ends at
+    `duration` (s).
 
     rule   the firing rule that made them, with its options as `planner.pulses.find_rule` reads them
     moves  what keeping pulses apart cost
@@ -152,7 +163,9 @@ class PulseSchedule(Result):
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", tuple(self.axes))
         if not (self.clock_hz > 0 and self.clock_hz == int(self.clock_hz)):
-            raise MotionError(f"clock {self.clock_hz} Hz: must be a positive whole number of ticks per second")
+            raise MotionError(
+                f"clock {self.clock_hz} Hz: must be a positive whole number of ticks per second"
+            )
 
     def __repr__(self) -> str:
         count = len(self.axes)
@@ -161,7 +174,9 @@ class PulseSchedule(Result):
         return f"<PulseSchedule: {pulses} in {self.duration:.6g} s, clock {self.clock_hz} Hz>"
 
     def tables(self) -> tuple[Table, ...]:
-        """The pulses of each axis; what keeping them apart and the compensation cost, if anything."""
+        """The pulses of each axis; what keeping them apart and the compensation cost, if
+        anything.
+        """
         return tuple(schedule_tables(self, {}))
 
     def data(self) -> Table:
@@ -169,7 +184,8 @@ class PulseSchedule(Result):
         return pulse_table(self)
 
     def counts(self, t: ArrayLike) -> Ticks:
-        """(N, axes) the counts at the instants t (s); a pulse counts from its own instant, ticks / clock_hz, on.
+        """(N, axes) the counts at the instants t (s); a pulse counts from its own instant, ticks /
+        clock_hz, on.
 
         Raises MotionError for what is no instant.
         """
@@ -194,7 +210,8 @@ class PulseSchedule(Result):
 
 
 def join_schedules(parts: Iterable[PulseSchedule]) -> PulseSchedule:
-    """The whole of one or more parts: what holds for all of it is the last's, start counts are the first's.
+    """The whole of one or more parts: what holds for all of it is the last's, start counts are the
+    first's.
 
     Times in which play is crossed are stated by the part in which they are.
     """
@@ -209,7 +226,10 @@ def join_schedules(parts: Iterable[PulseSchedule]) -> PulseSchedule:
         for each in zip(*(part.axes for part in held), strict=True)
     )
     costs = tuple(
-        replace(each, windows=tuple(window for part in held for window in _find_windows(part, each.axis)))
+        replace(
+            each,
+            windows=tuple(window for part in held for window in _find_windows(part, each.axis)),
+        )
         for each in held[-1].compensations
     )
     return replace(held[-1], axes=axes, compensations=costs)
@@ -238,9 +258,12 @@ COUNT_BOUND = "bound of the count error at all times, plus the travel in one clo
 
 
 def schedule_tables(
-    schedule: PulseSchedule, units: Mapping[str, str], counted: Sequence[tuple[int, int]] | None = None
+    schedule: PulseSchedule,
+    units: Mapping[str, str],
+    counted: Sequence[tuple[int, int]] | None = None,
 ) -> Iterator[Table]:
-    """units: m or rad by axis, where it is known; counted: pulses and net count of each, where they are elsewhere.
+    """units: m or rad by axis, where it is known; counted: pulses and net count of each, where they
+    are elsewhere.
 
     What costs nothing has no table.
     """
@@ -254,7 +277,10 @@ def schedule_tables(
             Column("net count", [net for _, net in counted]),
             Column("error ≤", [axis.bound for axis in axes], "pulses", form=".3f", up=True),
         ),
-        (f"{count_noun(sum(pulses for pulses, _ in counted), 'pulse')} in all", f"error: {COUNT_BOUND}"),
+        (
+            f"{count_noun(sum(pulses for pulses, _ in counted), 'pulse')} in all",
+            f"error: {COUNT_BOUND}",
+        ),
     )
     if moved := schedule.moves:
         yield Table(
@@ -278,7 +304,11 @@ def schedule_tables(
         own = [units.get(cost.axis, UNKNOWN_UNIT) for cost in costs]
         rates = {
             "speed": ([cost.speed for cost in costs], [cost.max_speed for cost in costs], "/s"),
-            "acceleration": ([cost.acceleration for cost in costs], [cost.max_acceleration for cost in costs], "/s^2"),
+            "acceleration": (
+                [cost.acceleration for cost in costs],
+                [cost.max_acceleration for cost in costs],
+                "/s^2",
+            ),
         }
         yield Table(
             "made up for",
@@ -298,17 +328,27 @@ def schedule_tables(
                     for name, (reached, limits, per) in rates.items()
                     for of, values in (("", reached), (" limit", limits))
                 ),
-                Column("jerk", [cost.jerk for cost in costs], [f"{unit}/s^3" for unit in own], "human", ".3g"),
+                Column(
+                    "jerk",
+                    [cost.jerk for cost in costs],
+                    [f"{unit}/s^3" for unit in own],
+                    "human",
+                    ".3g",
+                ),
             ),
         )
 
 
 def pulse_table(schedule: PulseSchedule) -> Table:
-    """A row for each pulse, in the order of time: its tick and time, which axis, which way in q, and its count then."""
+    """A row for each pulse, in the order of time: its tick and time, which axis, which way in q,
+    and its count then.
+    """
     axes = schedule.axes
     ticks = np.concatenate([axis.ticks for axis in axes])
     whose = np.repeat(np.arange(len(axes)), [len(axis) for axis in axes])
-    counts = np.concatenate([axis.start + np.cumsum(axis.direction, dtype=np.int64) for axis in axes])
+    counts = np.concatenate(
+        [axis.start + np.cumsum(axis.direction, dtype=np.int64) for axis in axes]
+    )
     order = np.lexsort((whose, ticks))
     return Table(
         f"pulses, firing rule {schedule.rule}",

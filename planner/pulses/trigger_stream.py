@@ -1,7 +1,8 @@
-"""Triggers of a motion that comes in parts: each is given with the part whose pulses settle its counts.
+"""Triggers of a motion that comes in parts: each is given with the part whose pulses settle its
+counts.
 
-Where they are on the path is known from its steps alone, before any of it is timed: a segment that ends in one part
-may have its trigger in the part before.
+Where they are on the path is known from its steps alone, before any of it is timed: a segment that
+ends in one part may have its trigger in the part before.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,7 +33,8 @@ from planner.trajectory import Trajectory
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A trigger on the steps of a path: so many m along one of them, from 1; None: at its end, for 0 where all begins.
+    """A trigger on the steps of a path: so many m along one of them, from 1; None: at its end, for
+    0 where all begins.
 
     segment, repetition  whose it is; repetition None: the program runs once
     before               s before the motion goes on along that step from a rest; None: on arrival
@@ -60,10 +62,14 @@ class Crossing:
 MarkedStep = tuple[PathStep, tuple[Mark, ...]]
 
 
-def mark_steps(steps: Iterator[PathStep], program: Program, machine: Machine) -> Iterator[MarkedStep]:
-    """The steps of a program's path, each with the triggers on it; those at the start of a step are on the one before.
+def mark_steps(
+    steps: Iterator[PathStep], program: Program, machine: Machine
+) -> Iterator[MarkedStep]:
+    """The steps of a program's path, each with the triggers on it; those at the start of a step are
+    on the one before.
 
-    They are read a segment ahead, in programs with triggers. Raises as the steps do, behind the same ones.
+    They are read a segment ahead, in programs with triggers. Raises as the steps do, behind the
+    same ones.
     """
     if not holds_triggers(program):
         yield from ((step, ()) for step in steps)
@@ -73,7 +79,10 @@ def mark_steps(steps: Iterator[PathStep], program: Program, machine: Machine) ->
     while True:
         more, steps = take_items(steps, 1)
         if own and not (more and _whose(more[0]) == _whose(own[0])):
-            marks = [*resting, *([] if event is None else _place_marks(own, done, event, program, machine))]
+            marks = [
+                *resting,
+                *([] if event is None else _place_marks(own, done, event, program, machine)),
+            ]
             done += len(own)
             event, rests = events.find(more[0] if more else None)
             resting = [_mark_rest(one, done, program.repeat, last=not more) for one in rests]
@@ -98,12 +107,16 @@ class _Events:
         self._next = next(self._coming, None)
 
     def find(self, step: PathStep | None) -> tuple[Trigger | None, list[ListedTrigger]]:
-        """That of the segment to which a step belongs, and those of dwells before it; None: behind the last step."""
+        """That of the segment to which a step belongs, and those of dwells before it; None: behind
+        the last step.
+        """
         here, rests = None if step is None else _whose(step), list[ListedTrigger]()
         while self._next is not None and (here is None or self._next[:2] < here):
             rests += [self._next] if self._next.rests else []
             self._next = next(self._coming, None)
-        return self._next.event if self._next is not None and self._next[:2] == here else None, rests
+        return self._next.event if self._next is not None and self._next[
+            :2
+        ] == here else None, rests
 
 
 def _whose(step: PathStep) -> tuple[int, int]:
@@ -121,8 +134,12 @@ def _mark_rest(one: ListedTrigger, done: int, repeat: int, *, last: bool) -> Mar
     return Mark(one.event.name, step, along, one.number, repetition, one.before, last)
 
 
-def _place_marks(own: Sequence[PathStep], done: int, event: Trigger, program: Program, machine: Machine) -> list[Mark]:
-    """The trigger of a segment whose steps these are, behind others: none that is at its start, but of the first."""
+def _place_marks(
+    own: Sequence[PathStep], done: int, event: Trigger, program: Program, machine: Machine
+) -> list[Mark]:
+    """The trigger of a segment whose steps these are, behind others: none that is at its start, but
+    of the first.
+    """
     if event.after_rest:
         return [replace(_mark(event, own[0], done + 1, 0.0), before=0.0)]
     if event.at == 0:
@@ -131,7 +148,9 @@ def _place_marks(own: Sequence[PathStep], done: int, event: Trigger, program: Pr
         return [_mark(event, own[-1], done + len(own), None)]
     rests = np.array([ALWAYS_REST, *(0 for _ in own[:-1]), ALWAYS_REST])
     path = attempt(
-        lambda: MachinePath(machine, [step.piece for step in own], rests, np.zeros(len(rests)), tool=program.tool)
+        lambda: MachinePath(
+            machine, [step.piece for step in own], rests, np.zeros(len(rests)), tool=program.tool
+        )
     )
     if isinstance(path, MotionError):
         return []  # as will planning of these steps
@@ -148,7 +167,9 @@ def _distribute(own: Sequence[PathStep], done: int, marks: Sequence[Mark]) -> It
 
 
 def find_crossings(motion: Trajectory, begun: int, marks: Sequence[Mark]) -> tuple[Crossing, ...]:
-    """When a motion comes by marks on its own steps, which follow so many others, and where it is then."""
+    """When a motion comes by marks on its own steps, which follow so many others, and where it is
+    then.
+    """
     path = motion.path
     if not marks:
         return ()
@@ -159,7 +180,8 @@ def find_crossings(motion: Trajectory, begun: int, marks: Sequence[Mark]) -> tup
         if mark.along is not None:
             along[n] = min(float(ends[mark.step - begun - 1]) + mark.along, along[n])
     t = [
-        find_passing(motion, s, 0.0, 0.0, mark.before, last=mark.last)[0] for mark, s in zip(marks, along, strict=True)
+        find_passing(motion, s, 0.0, 0.0, mark.before, last=mark.last)[0]
+        for mark, s in zip(marks, along, strict=True)
     ]
     state = motion.at(np.array(t))
     poses = from_numbers(path.pose_numbers(state.along, state.piece))
@@ -173,7 +195,9 @@ def find_crossings(motion: Trajectory, begun: int, marks: Sequence[Mark]) -> tup
 def count_crossings(
     crossings: Sequence[Crossing], pulses: PulseSchedule, until: int | None
 ) -> tuple[tuple[Triggered, ...], tuple[Crossing, ...]]:
-    """Those before a tick with their counts, and those that wait for the pulses behind it; None: all have counts."""
+    """Those before a tick with their counts, and those that wait for the pulses behind it; None:
+    all have counts.
+    """
     if not crossings:
         return (), ()
     t = np.array([crossing.where.t for crossing in crossings], float)

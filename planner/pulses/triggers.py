@@ -1,4 +1,6 @@
-"""Triggers: when a motion comes by the positions that its program marks, and what every axis has counted by then."""
+"""Triggers: when a motion comes by the positions that its program marks, and what every axis has
+counted by then.
+"""
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -27,7 +29,8 @@ BISECTIONS_OF_TIME = 64
 class Triggered:
     """A trigger's name, place (segment, repetition, s and t), platform pose and axis counts (n,).
 
-    At a rest the time is that of the arrival; or so many s before the motion goes on, or rests for good.
+    At a rest the time is that of the arrival; or so many s before the motion goes on, or rests for
+    good.
     """
 
     name: str
@@ -65,10 +68,14 @@ def list_triggers(program: Program) -> Iterator[ListedTrigger]:
     for repetition in range(1, program.repeat + 1):
         for number, segment in enumerate(program.segments, 1):
             if isinstance(segment, Dwell):
-                waiting = [one._replace(before=(one.before or 0.0) + segment.duration) for one in waiting]
+                waiting = [
+                    one._replace(before=(one.before or 0.0) + segment.duration) for one in waiting
+                ]
                 if segment.trigger is not None:
                     left = (1 - segment.trigger.at) * segment.duration
-                    waiting.append(ListedTrigger(repetition, number, segment.trigger, left, rests=True))
+                    waiting.append(
+                        ListedTrigger(repetition, number, segment.trigger, left, rests=True)
+                    )
                 continue
             yield from waiting
             waiting = []
@@ -84,12 +91,19 @@ def holds_triggers(program: Program) -> bool:
 
 
 def trigger_tables(events: "Sequence[Triggered]", axes: Sequence[str]) -> tuple[Table, ...]:
-    """When and where each event is, and the counts of the axes by then; no table where there is none."""
+    """When and where each event is, and the counts of the axes by then; no table where there is
+    none.
+    """
     if not events:
         return ()
-    counts = (Column(f"count {name}", [int(event.counts[k]) for event in events]) for k, name in enumerate(axes))
+    counts = (
+        Column(f"count {name}", [int(event.counts[k]) for event in events])
+        for k, name in enumerate(axes)
+    )
     name, time = Column("name", [event.name for event in events]), [event.time for event in events]
-    where = (column for column in Place.columns([event.where for event in events]) if column.name != "t")
+    where = (
+        column for column in Place.columns([event.where for event in events]) if column.name != "t"
+    )
     return (Table("triggers", (name, *where, Column("t", time, "s", form=".7f"), *counts)),)
 
 
@@ -103,17 +117,24 @@ def find_triggers(
 ) -> tuple[Triggered, ...]:
     """Every trigger of a program, in the order of its segments, repetition after repetition.
 
-    delay, length: s, by which the pulses are behind the trajectory in motion, and before they rest where it does, as
-    input shapers put them
+    delay, length: s, by which the pulses are behind the trajectory in motion, and before they rest
+    where it does, as input shapers put them
     """
-    own = [(path.pieces[first].repetition or 1, path.segment(first), first, last) for first, last in _segments(path)]
+    own = [
+        (path.pieces[first].repetition or 1, path.segment(first), first, last)
+        for first, last in _segments(path)
+    ]
     whose, found = {(repetition, number): pieces for repetition, number, *pieces in own}, []
     keys = [*whose]
     end = float(path.breaks[-1])
     for repetition, number, event, before, rests in list_triggers(program):
         if rests:  # before the next segment that moves
             k = bisect_right(keys, (repetition, number))
-            s, first = (float(path.breaks[own[k][2]]), own[k][2]) if k < len(own) else (end, len(path.pieces) - 1)
+            s, first = (
+                (float(path.breaks[own[k][2]]), own[k][2])
+                if k < len(own)
+                else (end, len(path.pieces) - 1)
+            )
         elif (repetition, number) in whose:
             first, last = whose[repetition, number]
             s = place_share(path, first, last, event.at)
@@ -125,17 +146,26 @@ def find_triggers(
         where = replace(path.place(s, first, t + late), segment=number)
         if program.repeat > 1:
             where = replace(where, repetition=repetition)
-        found.append(Triggered(event.name, where, state.pose[0], freeze_array(counts, np.int64), before))
+        found.append(
+            Triggered(event.name, where, state.pose[0], freeze_array(counts, np.int64), before)
+        )
     return tuple(found)
 
 
 def find_passing(
-    trajectory: Trajectory, s: float, delay: float, length: float, before: float | None, *, last: bool = False
+    trajectory: Trajectory,
+    s: float,
+    delay: float,
+    length: float,
+    before: float | None,
+    *,
+    last: bool = False,
 ) -> tuple[float, float]:
-    """When a motion comes by path length s, and by how much later its pulses do (s); as `find_triggers` has it.
+    """When a motion comes by path length s, and by how much later its pulses do (s); as
+    `find_triggers` has it.
 
-    before: so many s before it goes on from there, or with `last` before the end of its rest for good; behind shapers,
-    once all has come to rest, as it begins to.
+    before: so many s before it goes on from there, or with `last` before the end of its rest for
+    good; behind shapers, once all has come to rest, as it begins to.
     """
     t = arrival_time(trajectory, s)
     if before is not None:
@@ -151,15 +181,23 @@ def _find_rest(trajectory: Trajectory, t: float) -> float:
     if t >= trajectory.duration:
         return np.inf
     k = int(trajectory.locate(np.array([t]))[0])
-    moving = np.flatnonzero((trajectory.v[k:] != 0) | (trajectory.a[k:] != 0) | (trajectory.j[k:] != 0))
+    moving = np.flatnonzero(
+        (trajectory.v[k:] != 0) | (trajectory.a[k:] != 0) | (trajectory.j[k:] != 0)
+    )
     return float(trajectory.knots[k + moving[0]]) - t if len(moving) else np.inf
 
 
 def place_share(path: MachinePath, first: int, last: int, share: float) -> float:
-    """s at which a share of the tool's way on pieces first … last is made; of the angle, where they only turn it."""
+    """s at which a share of the tool's way on pieces first … last is made; of the angle, where they
+    only turn it.
+    """
     low, high = float(path.breaks[first]), float(path.breaks[last + 1])
     ways = [
-        measure_length(partial(_tool_speed, path, piece), float(path.breaks[piece]), float(path.breaks[piece + 1]))
+        measure_length(
+            partial(_tool_speed, path, piece),
+            float(path.breaks[piece]),
+            float(path.breaks[piece + 1]),
+        )
         for piece in (range(first, last + 1) if 0 < share < 1 else ())
     ]
     done = np.cumsum([0.0, *(each.length for each in ways)])
@@ -194,7 +232,9 @@ def arrival_time(trajectory: Trajectory, s: float) -> float:
 
 
 def departure_time(trajectory: Trajectory, s: float) -> float:
-    """The last time (s) at which the motion is at the start s of a piece of path; ∞ where it ends there."""
+    """The last time (s) at which the motion is at the start s of a piece of path; ∞ where it ends
+    there.
+    """
     moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
     piece = int(np.searchsorted(trajectory.path.breaks, s, side="right")) - 1
     after = np.flatnonzero(moving & (trajectory.piece >= piece))
@@ -202,7 +242,9 @@ def departure_time(trajectory: Trajectory, s: float) -> float:
 
 
 def _path_length_at(trajectory: Trajectory, k: int, tau: float) -> float:
-    s, v, a, j = (float(values[k]) for values in (trajectory.s, trajectory.v, trajectory.a, trajectory.j))
+    s, v, a, j = (
+        float(values[k]) for values in (trajectory.s, trajectory.v, trajectory.a, trajectory.j)
+    )
     return s + tau * (v + tau * (a / 2 + tau * j / 6))
 
 

@@ -1,1 +1,3 @@
-"""Motions behind input shapers: what the axes do, what is proved of that, and how far it is from the path."""
+"""Motions behind input shapers: what the axes do, what is proved of that, and how far it is from
+the path.
+"""

@@ -21,6 +21,10 @@ def axis_deviations(proof: ShapedProof, ax: Axes | None = None) -> Axes:
     for k, axis in enumerate(proof.axes):
         ax.plot(t, 1e6 * off[:, k], label=literal_label(axis.name), **line_style(k))
     units = sorted({f"µ{axis.unit}" for axis in proof.axes})
-    ax.set(xlabel="time (s)", ylabel=f"moved by the shapers ({', '.join(units)})", xlim=(0, motion.duration))
+    ax.set(
+        xlabel="time (s)",
+        ylabel=f"moved by the shapers ({', '.join(units)})",
+        xlim=(0, motion.duration),
+    )
     ax.legend(frameon=False)
     return ax

@@ -1,8 +1,10 @@
-"""Planning under input shapers: what is solved is shaped and proved, and solved anew under less of what it breaks.
+"""Planning under input shapers: what is solved is shaped and proved, and solved anew under less of
+what it breaks.
 
-Limits of axes are kept by shaping itself. Those of the tool and of forces are kept nearly: their shaped values lie
-about a mean of the ones before, at a pose a few micrometres away. Where one is exceeded, less of it is planned with on
-the stretch of the path that the copies are on meanwhile; all along the path where that is not enough.
+Limits of axes are kept by shaping itself. Those of the tool and of forces are kept nearly: their
+shaped values lie about a mean of the ones before, at a pose a few micrometres away. Where one is
+exceeded, less of it is planned with on the stretch of the path that the copies are on meanwhile;
+all along the path where that is not enough.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,7 +32,9 @@ LOCAL_ROUNDS, ROUNDS = 4, 5
 ROOM = 1e-4
 """Share of a limit by which more is left than was missing, all along the path."""
 LOCAL_ROOM, ROOM_GROWTH = 1e-3, 3.0
-"""The same in places, at first, where it costs next to nothing; and times as much with every round."""
+"""The same in places, at first, where it costs next to nothing; and times as much with every
+round.
+"""
 LEAST_SHARE = 0.5
 """Of a limit, below which nothing is solved anew."""
 
@@ -58,12 +62,14 @@ def solve_shaped(
     axes: Sequence[Axis],
     fastest: Solve[S] | None = None,
 ) -> Kept[S]:
-    """What is solved so that it keeps the limits behind the axes' shapers too, its proof before them and behind them.
+    """What is solved so that it keeps the limits behind the axes' shapers too, its proof before
+    them and behind them.
 
-    The last is what was solved first, under the limits themselves: bounds of other rounds are of less of them.
-    Without shapers: what is solved, and None. fastest: solves for the least time, where `solve` takes a stated one.
-    Raises Infeasible for a limit that is not kept behind them, and for a stated duration below that of the fastest
-    motion behind them; MotionError for what cannot be proved there.
+    The last is what was solved first, under the limits themselves: bounds of other rounds are of
+    less of them. Without shapers: what is solved, and None. fastest: solves for the least time,
+    where `solve` takes a stated one. Raises Infeasible for a limit that is not kept behind them,
+    and for a stated duration below that of the fastest motion behind them; MotionError for what
+    cannot be proved there.
     """
     try:
         return _keep_limits(solve, path, limits, axes)
@@ -82,7 +88,10 @@ def solve_shaped(
     )
     assert shaped is not None
     if shaped.cost is not None:
-        lowered = {name: _multiply(shaped.cost.lowered.get(name, ALL), shares) for name, shares in less.items()}
+        lowered = {
+            name: _multiply(shaped.cost.lowered.get(name, ALL), shares)
+            for name, shares in less.items()
+        }
         lowered = {**shaped.cost.lowered, **lowered}
         cost = replace(shaped.cost, lowered=lowered, stretches=find_stretches(path, lowered))
         shaped = replace(shaped, cost=cost)
@@ -97,7 +106,9 @@ def _multiply(shares: Shares, less: Shares) -> Shares:
     return shares.lower(less.ends[:-1], less.ends[1:], less.values)
 
 
-def _keep_limits(solve: Solve[S], path: ActuatorPath, limits: tuple[Limit, ...], axes: Sequence[Axis]) -> Kept[S]:
+def _keep_limits(
+    solve: Solve[S], path: ActuatorPath, limits: tuple[Limit, ...], axes: Sequence[Axis]
+) -> Kept[S]:
     """As `solve_shaped` without the fastest."""
     if not any(axis.shaper for axis in axes):
         first = solve(limits)
@@ -111,7 +122,9 @@ def _keep_limits(solve: Solve[S], path: ActuatorPath, limits: tuple[Limit, ...],
     if not proof.holds:
         local = _lower_in_places(solve, limits, prove, proof)
         everywhere = local is None
-        found, certificate, proof, lowered = local or _lower_everywhere(solve, path, limits, prove, proof)
+        found, certificate, proof, lowered = local or _lower_everywhere(
+            solve, path, limits, prove, proof
+        )
     cost = ShapingCost(
         proof.motion.copies.length,
         first.trajectory.duration,
@@ -128,14 +141,20 @@ Prove = Callable[[Solved, Certificate], ShapedProof]
 Lowered = tuple[S, Certificate, ShapedProof, Mapping[str, Shares]]
 
 
-def _prove(found: Solved, certificate: Certificate, *, axes: Sequence[Axis], limits: Sequence[Limit]) -> ShapedProof:
+def _prove(
+    found: Solved, certificate: Certificate, *, axes: Sequence[Axis], limits: Sequence[Limit]
+) -> ShapedProof:
     motion = shape_motion(found.trajectory, axes)
     assert motion is not None  # some axis has a shaper
     return prove_shaped(motion, found.trajectory, axes, limits, certificate)
 
 
-def _lower_in_places(solve: Solve[S], limits: Sequence[Limit], prove: Prove, proof: ShapedProof) -> Lowered[S] | None:
-    """Solved anew with less of the limits where they are exceeded, until none is; None where that is not enough."""
+def _lower_in_places(
+    solve: Solve[S], limits: Sequence[Limit], prove: Prove, proof: ShapedProof
+) -> Lowered[S] | None:
+    """Solved anew with less of the limits where they are exceeded, until none is; None where that
+    is not enough.
+    """
     shares: dict[str, Shares] = {}
     for n in range(LOCAL_ROUNDS):
         room = 1 + LOCAL_ROOM * ROOM_GROWTH**n
@@ -158,7 +177,10 @@ def _lower_in_places(solve: Solve[S], limits: Sequence[Limit], prove: Prove, pro
 def _lower_everywhere(
     solve: Solve[S], path: ActuatorPath, limits: tuple[Limit, ...], prove: Prove, proof: ShapedProof
 ) -> Lowered[S]:
-    """Solved anew with less of the limits all along the path, until none is exceeded. Raises as `solve_shaped`."""
+    """Solved anew with less of the limits all along the path, until none is exceeded.
+
+    Raises as `solve_shaped`.
+    """
     shares = dict.fromkeys((limit.name for limit in limits), 1.0)
     for _ in range(ROUNDS):
         for name, use in proof.worst.items():
@@ -169,7 +191,10 @@ def _lower_everywhere(
         if lost:
             raise unkept_error(lost[0], proof)
         try:
-            kept = tuple(limit if shares[limit.name] == 1 else limit.scale(shares[limit.name]) for limit in limits)
+            kept = tuple(
+                limit if shares[limit.name] == 1 else limit.scale(shares[limit.name])
+                for limit in limits
+            )
         except MotionError:  # a band, which no one number scales
             raise unkept_error(broken[0], proof) from None
         found = solve(kept)
@@ -177,7 +202,9 @@ def _lower_everywhere(
         proof = prove(found, certificate)
         if proof.holds:
             ends = path.breaks[[0, -1]]
-            lowered = {name: Shares(ends, np.array([share])) for name, share in shares.items() if share < 1}
+            lowered = {
+                name: Shares(ends, np.array([share])) for name, share in shares.items() if share < 1
+            }
             return found, certificate, proof, lowered
     broken = [limit for limit in limits if proof.worst[limit.name] > 1]
     raise unkept_error(broken[0], proof)
@@ -195,8 +222,16 @@ def unkept_error(limit: Limit, proof: ShapedProof) -> Infeasible:
     """Of a limit that is not proved behind shapers."""
     place, use = proof.where[limit.name], proof.worst[limit.name]
     remedy = (
-        "move the path away from the limit" if limit.geometric else "lower max_acceleration or the speed there"
+        "move the path away from the limit"
+        if limit.geometric
+        else "lower max_acceleration or the speed there"
     ) + f", {advise_shapers(proof.axes)}, or remove the shapers"
     return Infeasible(
-        f"proven bound of the use of {limit.name} behind the input shapers", "", place, 100 * use, 100.0, "%", remedy
+        f"proven bound of the use of {limit.name} behind the input shapers",
+        "",
+        place,
+        100 * use,
+        100.0,
+        "%",
+        remedy,
     )

@@ -1,10 +1,16 @@
-"""A motion behind input shapers over cells of time, with guaranteed error: axes, and the pose that they reach.
+"""A motion behind input shapers over cells of time, with guaranteed error: axes, and the pose that
+they reach.
 
-The axes are sums of enclosures of the motion's copies. The pose x_s that they reach is sought about x_c, the one on the
-path where the motion was `centre` earlier: of the twist ξ from x_c to x_s, scaled so that turns count at the machine's
-characteristic length, J ξ = δ = q_s − q_c with J the mean of the Jacobian on the way. With C about the inverse of J and
-K ≥ |1 − C J| over the cell and all poses within a box of x_c, |C δ| + K b ≤ b for the box's half sides b proves that
-there is such a pose in the box (Krawczyk's operator), and K's norm below 1 that it is the only one. At every instant
+The axes are sums of enclosures of the motion's copies. The pose x_s that they reach is sought about
+x_c, the one on the
+path where the motion was `centre` earlier: of the twist ξ from x_c to x_s, scaled so that turns
+count at the machine's
+characteristic length, J ξ = δ = q_s − q_c with J the mean of the Jacobian on the way. With C about
+the inverse of J and
+K ≥ |1 − C J| over the cell and all poses within a box of x_c, |C δ| + K b ≤ b for the box's half
+sides b proves that
+there is such a pose in the box (Krawczyk's operator), and K's norm below 1 that it is the only one.
+At every instant
 |ξ − C δ| ≤ K |ξ|, of second order, so that x_s is known as C δ is, over time. Rates follow from J V = q̇_s and
 J V̇ + h(x_s, V) = q̈_s, with J at x_s: with E = 1 − C J, V = C q̇_s + E C q̇_s + E² V.
 """
@@ -35,9 +41,11 @@ NEAREST_STEPS = 4
 
 @dataclass(frozen=True)
 class ShapedEnclosure(Enclosure):
-    """The shaped motion over N cells, as `Enclosure` has it: rows about each centre, then over the whole cell.
+    """The shaped motion over N cells, as `Enclosure` has it: rows about each centre, then over the
+    whole cell.
 
-    s, piece  of the motion `centre` earlier;  axes: q_s (order+1, 2N, n);  apart: δ = q_s − q_c likewise
+    s, piece  of the motion `centre` earlier;  axes: q_s (order+1, 2N, n);  apart: δ = q_s − q_c
+              likewise
     pieces    (K, N) path pieces of the copies
     """
 
@@ -58,7 +66,11 @@ class ShapedEnclosure(Enclosure):
         path = self.path
         assert isinstance(path, MachinePath)
         inputs = self.reached.inputs
-        return path.machine.carried_map.enclose_columns(inputs) if path.machine.follows else inputs[:, :12]
+        return (
+            path.machine.carried_map.enclose_columns(inputs)
+            if path.machine.follows
+            else inputs[:, :12]
+        )
 
     @cached_property
     def twist(self) -> Series:
@@ -87,7 +99,9 @@ class ShapedEnclosure(Enclosure):
         if times == 1:
             return _side_by_side(self.twist[:, :3], _cross_columns(turn, rotation))
         swing = _cross_columns(turn, _cross_columns(turn, rotation))
-        return _side_by_side(self.twist_rate[:, :3], _cross_columns(self.twist_rate[:, 3:], rotation) + swing)
+        return _side_by_side(
+            self.twist_rate[:, :3], _cross_columns(self.twist_rate[:, 3:], rotation) + swing
+        )
 
     def _rates(self, velocity: Series, acceleration: Series) -> Series:
         """What `rates_map` says at the pose reached, of scaled twists."""
@@ -107,7 +121,9 @@ class ShapedEnclosure(Enclosure):
         return found[:, 2 * n : 2 * n + 6], found[:, 2 * n + 6 : 2 * n + 12]
 
     def away(self) -> tuple[Array, Array]:
-        """(N,) m of the tool's position, and rad of the platform's turn, from those on the path: upper bounds."""
+        """(N,) m of the tool's position, and rad of the platform's turn, from those on the path:
+        upper bounds.
+        """
         path = self.path
         assert isinstance(path, MachinePath)
         cells = len(self.piece)
@@ -115,32 +131,42 @@ class ShapedEnclosure(Enclosure):
         box = Series(zero, np.tile(self.reached.box, (2, 1))[None], 0)
         twist = self._fill(box)[0]
         most = (np.abs(twist.mid[0]) + twist.rad[0])[cells:] * (1 + 16 * EPS)
-        shift, turn = (np.linalg.norm(each, axis=1) * (1 + 16 * EPS) for each in (most[:, :3], most[:, 3:]))
+        shift, turn = (
+            np.linalg.norm(each, axis=1) * (1 + 16 * EPS) for each in (most[:, :3], most[:, 3:])
+        )
         if path.tool is not None:  # its place in the platform turns with it
             at = path.tool(np.concatenate([np.zeros(3), np.eye(3).ravel()])[None])[0, :3]
             shift = shift + turn * float(np.linalg.norm(at)) * (1 + 16 * EPS)
         return shift, turn
 
     def contour(self) -> tuple[Array, Array]:
-        """(N,) m of the tool's position from the path, wherever on it: an upper bound; and what it is in the middles.
+        """(N,) m of the tool's position from the path, wherever on it: an upper bound; and what it
+        is in the middles.
 
-        Any place on the path bounds it, so the path is enclosed at u(τ), which keeps abreast of the tool: u(0) is
-        nearest to it, and from there u runs with the tool's motion along the path's tangent.
+        Any place on the path bounds it, so the path is enclosed at u(τ), which keeps abreast of the
+        tool: u(0) is nearest to it, and from there u runs with the tool's motion along the path's
+        tangent.
         """
         path, cells = self.path, len(self.piece)
         assert isinstance(path, MachinePath)
         at = self.tool_rate(0)[:, :3]
         whole = np.nan_to_num(at.pad(at.order).mid[:, :cells])
         s, piece, tangent, least = _find_nearest(path, whole[0], self.s.mid[0, :cells], self.piece)
-        along = np.einsum("knj,nj->kn", whole, tangent / np.maximum((tangent**2).sum(1, keepdims=True), 1e-12))
+        along = np.einsum(
+            "knj,nj->kn", whole, tangent / np.maximum((tangent**2).sum(1, keepdims=True), 1e-12)
+        )
         along[0] = s
         low, high = path.breaks[piece], path.breaks[piece + 1]
         reach = np.abs(along[1:]).sum(0)
-        inside = np.clip(s, low + reach, np.maximum(high - reach, low + reach))  # where all of u is on the piece
+        inside = np.clip(
+            s, low + reach, np.maximum(high - reach, low + reach)
+        )  # where all of u is on the piece
         along[0] = np.where(2 * reach <= high - low, inside, (low + high) / 2)
         along[1:] *= np.where(2 * reach <= high - low, 1.0, 0.0)
         error = np.concatenate([np.zeros_like(along), widen(along, np.zeros_like(along))], 1)
-        beside = path.enclose_pose(Series(np.concatenate([along, along], 1), error, at.order), np.tile(piece, 2))
+        beside = path.enclose_pose(
+            Series(np.concatenate([along, along], 1), error, at.order), np.tile(piece, 2)
+        )
         beside = beside if path.tool is None else self.evaluate(path.tool, beside)
         off = np.maximum(*np.abs(bound_series(at - beside[:, :3], cells)))
         bound = np.linalg.norm(off, axis=1) * (1 + 16 * EPS)
@@ -150,16 +176,21 @@ class ShapedEnclosure(Enclosure):
 def _find_nearest(
     path: MachinePath, at: Array, s: Array, piece: NDArray[np.intp]
 ) -> tuple[Array, NDArray[np.intp], Array, Array]:
-    """Places s (N,) on pieces (N,) near to positions (N, 3), sought from others; the tangents and distances there."""
+    """Places s (N,) on pieces (N,) near to positions (N, 3), sought from others; the tangents and
+    distances there.
+    """
     for last in (*[False] * NEAREST_STEPS, True):
         x, first, second = (
-            (values if path.tool is None else path.tool(values))[:, :3] for values in path.pose_derivatives(s, piece, 2)
+            (values if path.tool is None else path.tool(values))[:, :3]
+            for values in path.pose_derivatives(s, piece, 2)
         )
         if last:
             break
         square = (first**2).sum(1)
         bend = square - ((at - x) * second).sum(1)
-        step = ((at - x) * first).sum(1) / np.where(bend > square / 4, bend, np.maximum(square, 1e-12))
+        step = ((at - x) * first).sum(1) / np.where(
+            bend > square / 4, bend, np.maximum(square, 1e-12)
+        )
         s = np.clip(s + step, 0.0, path.breaks[-1])
         piece = np.clip(np.searchsorted(path.breaks, s, side="right") - 1, 0, len(path.breaks) - 2)
     return s, piece, first, np.linalg.norm(at - x, axis=1)
@@ -168,10 +199,11 @@ def _find_nearest(
 @dataclass(frozen=True, slots=True)
 class _ReachedPoses:
     """inputs  what the machine's maps take at the poses reached (2N rows)
-    inverse  C (N, n, n);  error: E (2N, n, n) there;  most: |E| (N, n, n);  box: |ξ| (N, n) m, ∞ where none is proved
+    inverse  C (N, n, n);  error: E (2N, n, n) there;  most: |E| (N, n, n);  box: |ξ| (N, n) m, ∞
+             where none is proved
 
-    A series about an instant is that of x_c(t) and C δ(t), off by what ξ − C δ is at one instant t* of the cell: it is
-    right at that t*, whichever that is, and says nothing of how ξ changes.
+    A series about an instant is that of x_c(t) and C δ(t), off by what ξ − C δ is at one instant t*
+    of the cell: it is right at that t*, whichever that is, and says nothing of how ξ changes.
     """
 
     inputs: Series
@@ -187,7 +219,9 @@ class _ReachedPoses:
         n = motion.axes.mid.shape[2]
         piece = np.tile(motion.piece, 2)
         at = path.enclose_inputs(motion.s.cut(JACOBIAN_ORDER), piece)
-        centre = path.jacobian(motion.s.cut(JACOBIAN_ORDER), piece).mid[0, :cells].reshape(cells, n, n)
+        centre = (
+            path.jacobian(motion.s.cut(JACOBIAN_ORDER), piece).mid[0, :cells].reshape(cells, n, n)
+        )
         good = np.isfinite(centre).all((1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(centre))) > 0)
         inverse = np.linalg.inv(np.where(good[:, None, None], np.nan_to_num(centre), np.eye(n)))
         low, high = bound_series(_apply(np.tile(inverse, (2, 1, 1)), motion.apart), cells)
@@ -200,7 +234,13 @@ class _ReachedPoses:
             proved = good & (first + near <= box).all(1) & (most.sum(2).max(1) < 1 - 1e-9)
             near = np.where(proved[:, None], _apply_bound(most, first + near), box)
         box = np.where(proved[:, None], first + near, box)
-        inputs = _move(at, _apply(np.tile(inverse, (2, 1, 1)), motion.apart.cut(JACOBIAN_ORDER)), near, box, path)
+        inputs = _move(
+            at,
+            _apply(np.tile(inverse, (2, 1, 1)), motion.apart.cut(JACOBIAN_ORDER)),
+            near,
+            box,
+            path,
+        )
         error, most = _inverse_error(inverse, inputs, path)
         most = np.where(proved[:, None, None], most, np.inf)
         return _ReachedPoses(inputs, inverse, error, most, np.where(proved[:, None], box, np.inf))
@@ -245,7 +285,8 @@ def enclose_shaped(motion: ShapedMotion, trajectory: Trajectory, cells: Cells) -
 def _expand(
     trajectory: Trajectory, whose: NDArray[np.intp], centre: Array, half: Array
 ) -> tuple[Series, NDArray[np.intp]]:
-    """s of a copy (order+1, 2N) as series in τ about instants `centre` of its own time, and its path pieces (N,).
+    """s of a copy (order+1, 2N) as series in τ about instants `centre` of its own time, and its
+    path pieces (N,).
 
     Before and after the copy's own motion it stands still at its ends.
     """
@@ -258,7 +299,12 @@ def _expand(
     motion = np.stack([trajectory.s[k], trajectory.v[k], trajectory.a[k], trajectory.j[k]])
     sizes = shift_motion(np.abs(motion), np.abs(at))
     # an instant of a copy's own time is known to a few roundings of the whole time
-    late = 8 * EPS * trajectory.knots[-1] * np.stack([sizes[1], 2 * sizes[2], 3 * sizes[3], np.zeros_like(half)])
+    late = (
+        8
+        * EPS
+        * trajectory.knots[-1]
+        * np.stack([sizes[1], 2 * sizes[2], 3 * sizes[3], np.zeros_like(half)])
+    )
     powers = np.stack([np.ones_like(half), half, half**2, half**3])
     powers[1:] *= moves
     mid = shift_motion(motion, at) * powers
@@ -287,11 +333,19 @@ def _inverse_error(inverse: Array, inputs: Series, path: MachinePath) -> tuple[S
     entries = path.machine.jacobian_map.enclose_columns(inputs)
     chosen = (6 * np.arange(n)[:, None] + columns(path.machine)).ravel()
     flat = entries[:, chosen] * np.tile(1 / _scale(path), n)
-    jacobian = Series(flat.mid.reshape(-1, 2 * cells, n, n), flat.rad.reshape(-1, 2 * cells, n, n), flat.order)
+    jacobian = Series(
+        flat.mid.reshape(-1, 2 * cells, n, n), flat.rad.reshape(-1, 2 * cells, n, n), flat.order
+    )
     error = -_multiply(np.tile(inverse, (2, 1, 1)), jacobian) + np.eye(n)
-    flat = Series(error.mid.reshape(-1, 2 * cells, n * n), error.rad.reshape(-1, 2 * cells, n * n), error.order)
+    flat = Series(
+        error.mid.reshape(-1, 2 * cells, n * n),
+        error.rad.reshape(-1, 2 * cells, n * n),
+        error.order,
+    )
     low, high = bound_series(flat, cells)
-    return error, np.nan_to_num(np.maximum(np.abs(low), np.abs(high)), nan=np.inf).reshape(cells, n, n)
+    return error, np.nan_to_num(np.maximum(np.abs(low), np.abs(high)), nan=np.inf).reshape(
+        cells, n, n
+    )
 
 
 def _apply_bound(most: Array, box: Array) -> Array:
@@ -300,7 +354,8 @@ def _apply_bound(most: Array, box: Array) -> Array:
 
 
 def _move(inputs: Series, twist: Series, off: Array, box: Array, path: MachinePath) -> Series:
-    """The maps' inputs at poses moved by scaled twists (…, 2N, n), each known within `off` and at most `box` (N, n).
+    """The maps' inputs at poses moved by scaled twists (…, 2N, n), each known within `off` and at
+    most `box` (N, n).
 
     R = exp[ω] R_c = R_c + ω × R_c and a rest, of which no entry is above |ω|²/2.
     """
@@ -317,7 +372,9 @@ def _move(inputs: Series, twist: Series, off: Array, box: Array, path: MachinePa
 def _multiply(matrix: Array, series: Series) -> Series:
     """Numbers (N, n, n) times a series of matrices (d+1, N, n, n)."""
     mid, size = matrix[None] @ series.mid, np.abs(matrix)[None]
-    rad = size @ series.rad + 2 * (matrix.shape[1] + 2) * EPS * (size @ (np.abs(series.mid) + series.rad))
+    rad = size @ series.rad + 2 * (matrix.shape[1] + 2) * EPS * (
+        size @ (np.abs(series.mid) + series.rad)
+    )
     return Series(mid, rad * (1 + 8 * EPS), series.order)
 
 
@@ -354,5 +411,7 @@ def _side_by_side(*parts: Series) -> Series:
     degree = min(max(part.degree for part in parts), order)
     padded = [part.cut(order).pad(degree) for part in parts]
     return Series(
-        np.concatenate([part.mid for part in padded], 2), np.concatenate([part.rad for part in padded], 2), order
+        np.concatenate([part.mid for part in padded], 2),
+        np.concatenate([part.rad for part in padded], 2),
+        order,
     )

@@ -1,7 +1,8 @@
-"""What axes do behind their input shapers: q_s(t) = Σ Aᵢ q(t − tᵢ), copies of one motion, shifted and weighed.
+"""What axes do behind their input shapers: q_s(t) = Σ Aᵢ q(t − tᵢ), copies of one motion, shifted
+and weighed.
 
-The axes are delayed so that the centroids Σ Aᵢ tᵢ of all their shapers agree: whatever they are shaped by, they stay
-together along the path to first order.
+The axes are delayed so that the centroids Σ Aᵢ tᵢ of all their shapers agree: whatever they are
+shaped by, they stay together along the path to first order.
 """
 
 from collections.abc import Sequence
@@ -23,7 +24,9 @@ POSE_RESIDUAL = 1e-9
 
 
 class ShapedBase(Protocol):
-    """The motion that is shaped: as `planner.pulses.motion.AxesMotion`, with states of path length and q⃛."""
+    """The motion that is shaped: as `planner.pulses.motion.AxesMotion`, with states of path length
+    and q⃛.
+    """
 
     @property
     def knots(self) -> Array: ...
@@ -55,7 +58,9 @@ class Copies:
 
 
 def find_delays(axes: Sequence[Axis]) -> tuple[float, float]:
-    """s, by which pulses are behind the motion before shapers: while it moves, and when it has come to rest."""
+    """s, by which pulses are behind the motion before shapers: while it moves, and when it has come
+    to rest.
+    """
     copies = find_copies(axes)
     return (0.0, 0.0) if copies is None else (copies.centre, copies.length)
 
@@ -64,7 +69,9 @@ def find_copies(axes: Sequence[Axis]) -> Copies | None:
     """Those of the axes' shapers; None where no axis has one."""
     if not any(axis.shaper for axis in axes):
         return None
-    impulses = [(np.ones(1), np.zeros(1)) if axis.shaper is None else axis.shaper.impulses for axis in axes]
+    impulses = [
+        (np.ones(1), np.zeros(1)) if axis.shaper is None else axis.shaper.impulses for axis in axes
+    ]
     centre = max(float(amplitudes @ times) for amplitudes, times in impulses)
     shifted = [times + (centre - float(amplitudes @ times)) for amplitudes, times in impulses]
     delays = np.unique(np.concatenate(shifted))
@@ -76,7 +83,9 @@ def find_copies(axes: Sequence[Axis]) -> Copies | None:
 
 @dataclass(frozen=True, slots=True)
 class ShapedState:
-    """q, q̇, q̈, q⃛ (N, n) of the shaped motion; s (N,) m along the path of the motion that is shaped, `centre` before."""
+    """q, q̇, q̈, q⃛ (N, n) of the shaped motion; s (N,) m along the path of the motion that is
+    shaped, `centre` before.
+    """
 
     s: Array
     q: Array
@@ -87,9 +96,11 @@ class ShapedState:
 
 @dataclass(frozen=True, slots=True)
 class ShapedMotion:
-    """A motion behind its axes' shapers: an `AxesMotion` whose smooth intervals are those of all its copies.
+    """A motion behind its axes' shapers: an `AxesMotion` whose smooth intervals are those of all
+    its copies.
 
-    knots  (M+1,) s; interval m of it runs inside interval whose[k, m] of copy k: −1 before it begins, the number of its
+    knots  (M+1,) s; interval m of it runs inside interval whose[k, m] of copy k: −1 before it
+           begins, the number of its
     intervals once it has ended
     """
 
@@ -102,7 +113,11 @@ class ShapedMotion:
     def of(cls, base: ShapedBase, copies: Copies) -> "ShapedMotion":
         own = np.asarray(base.knots, float)
         delays = np.append(copies.delays, copies.centre)
-        knots = np.unique(np.concatenate([[0.0], *(own + delay for delay in delays), [base.duration + copies.length]]))
+        knots = np.unique(
+            np.concatenate(
+                [[0.0], *(own + delay for delay in delays), [base.duration + copies.length]]
+            )
+        )
         # the knots of a copy are themselves among them, to the last bit
         whose = [np.searchsorted(own + delay, knots[:-1], side="right") - 1 for delay in delays]
         return cls(base, copies, freeze_array(knots), freeze_array(np.array(whose), np.intp))
@@ -121,7 +136,9 @@ class ShapedMotion:
         t = np.atleast_1d(np.asarray(t, float))
         interval = self.locate(t)
         found = np.zeros((4, len(t), self.copies.weights.shape[1]))
-        for k, (delay, weight) in enumerate(zip(self.copies.delays, self.copies.weights, strict=True)):
+        for k, (delay, weight) in enumerate(
+            zip(self.copies.delays, self.copies.weights, strict=True)
+        ):
             own, moves = self._own_time(k, float(delay), t, interval)
             state = self.base.at(own)
             found[0] += weight * state.q
@@ -134,7 +151,9 @@ class ShapedMotion:
         interval = self.locate(t)
         parts = (
             weight * self._positions(self._own_time(k, float(delay), t, interval)[0])
-            for k, (delay, weight) in enumerate(zip(self.copies.delays, self.copies.weights, strict=True))
+            for k, (delay, weight) in enumerate(
+                zip(self.copies.delays, self.copies.weights, strict=True)
+            )
         )
         return np.asarray(sum(parts))
 
@@ -143,17 +162,27 @@ class ShapedMotion:
         return np.asarray(self.base.at(own).q if positions is None else positions(own))
 
     def reference(self, t: Array) -> RowState:
-        """The state (N,) of the motion that is shaped, `centre` before t: the shaped one is about it."""
+        """The state (N,) of the motion that is shaped, `centre` before t: the shaped one is about
+        it.
+        """
         return self.base.at(np.clip(t - self.copies.centre, 0.0, self.base.duration))
 
-    def _own_time(self, k: int, delay: float, t: Array, interval: NDArray[np.intp]) -> tuple[Array, Array]:
-        """(N,) instants of copy k, each on the side of the knots on which its interval is; (N, 1) whether it moves."""
+    def _own_time(
+        self, k: int, delay: float, t: Array, interval: NDArray[np.intp]
+    ) -> tuple[Array, Array]:
+        """(N,) instants of copy k, each on the side of the knots on which its interval is; (N, 1)
+        whether it moves.
+        """
         own, last = np.asarray(self.base.knots, float), len(self.base.knots) - 1
         whose = self.whose[k, interval]
         moves = (whose >= 0) & (whose < last) & (t >= 0) & (t <= self.duration)
         inside = np.clip(whose, 0, last - 1)
         low, high = own[inside], np.nextafter(own[inside + 1], own[inside])
-        at = np.where(whose < 0, 0.0, np.where(whose >= last, self.base.duration, np.clip(t - delay, low, high)))
+        at = np.where(
+            whose < 0,
+            0.0,
+            np.where(whose >= last, self.base.duration, np.clip(t - delay, low, high)),
+        )
         return at, moves[:, None].astype(float)
 
 
@@ -164,7 +193,8 @@ def shape_motion(motion: ShapedBase, axes: Sequence[Axis]) -> ShapedMotion | Non
 
 
 def reached_poses(trajectory: Trajectory, shaped: ShapedMotion, t: Array, q: Array) -> Pose:
-    """The poses (N,) that the axes reach at t (N,) with q (N, n), found from those on the path, `centre` before.
+    """The poses (N,) that the axes reach at t (N,) with q (N, n), found from those on the path,
+    `centre` before.
 
     Raises MotionError where none is found.
     """
@@ -181,7 +211,9 @@ def reached_poses(trajectory: Trajectory, shaped: ShapedMotion, t: Array, q: Arr
 
 
 def rows_of_shaped(trajectory: Trajectory, shaped: ShapedMotion, t: Array) -> Array:
-    """As `planner.trajectory.rows`: (N, columns) at t (N,) of what the axes do, and of the pose that they reach."""
+    """As `planner.trajectory.rows`: (N, columns) at t (N,) of what the axes do, and of the pose
+    that they reach.
+    """
     state = shaped.at(t)
     return put_in_rows(t, state, reached_poses(trajectory, shaped, t, state.q))
 
@@ -193,8 +225,13 @@ def shaper_length(axes: Sequence[Axis]) -> float:
 
 
 def shorten_duration(duration: float, axes: Sequence[Axis]) -> float:
-    """s that a motion may take before the axes' shapers, so that it takes so long behind them. Raises MotionError."""
+    """s that a motion may take before the axes' shapers, so that it takes so long behind them.
+
+    Raises MotionError.
+    """
     length = shaper_length(axes)
     if duration <= length:
-        raise MotionError(f"duration {duration:g} s: the input shapers alone take {length:.6g} s; state a longer one")
+        raise MotionError(
+            f"duration {duration:g} s: the input shapers alone take {length:.6g} s; state a longer one"
+        )
     return duration - length

@@ -101,7 +101,11 @@ class ShapedProof(Result):
 
     def describe(self) -> str:
         """Deviation and proof in a line."""
-        proved = f"{count_noun(len(self.worst), 'limit')} proved" if self.holds else "LIMITS ARE NOT KEPT"
+        proved = (
+            f"{count_noun(len(self.worst), 'limit')} proved"
+            if self.holds
+            else "LIMITS ARE NOT KEPT"
+        )
         return f"{self.describe_deviation()}, {proved}"
 
     def describe_deviation(self) -> str:
@@ -230,7 +234,11 @@ class _Largest:
     @staticmethod
     def of(values: Array, middle: Array) -> "_Largest":
         first = int(values.argmax())
-        return _Largest(float(values[first]), float(middle[first])) if values[first] > 0 else _Largest(0.0, 0.0)
+        return (
+            _Largest(float(values[first]), float(middle[first]))
+            if values[first] > 0
+            else _Largest(0.0, 0.0)
+        )
 
 
 @dataclass
@@ -292,7 +300,9 @@ class _CellSearch:
 
     def _find_loose(self, cells: Cells, values: Values) -> tuple[np.ndarray, int]:
         uses, _, away, off, *_ = values
-        allowed = np.array([[1 + (LIMIT_ROUNDING if limit.geometric else OVER)] for limit in self.limits])
+        allowed = np.array(
+            [[1 + (LIMIT_ROUNDING if limit.geometric else OVER)] for limit in self.limits]
+        )
         loose = (uses > allowed.reshape(-1, 1)).any(0) | ~np.isfinite(away)
         loose |= off > max(CLOSE * self.largest_sample, LEAST_CONTOUR)
         loose &= (cells.lengths > SHORTEST_CELL) & (self.split <= MOST_CUT)
@@ -311,10 +321,19 @@ class _CellSearch:
         off, least = enclosure.contour()
         self.largest_sample = max(self.largest_sample, float(np.minimum(least, away).max()))
         moved = np.maximum(*np.abs(enclosure.bound(enclosure.apart))).T
-        return np.where(np.isnan(uses), np.inf, uses), channels.astype(int), away, np.minimum(off, away), turned, moved
+        return (
+            np.where(np.isnan(uses), np.inf, uses),
+            channels.astype(int),
+            away,
+            np.minimum(off, away),
+            turned,
+            moved,
+        )
 
     def _refuse_lost(self, away: Array, middle: Array) -> None:
-        """Raise MotionError where the pose that the axes reach is not proved to be near the path."""
+        """Raise MotionError where the pose that the axes reach is not proved to be near the
+        path.
+        """
         lost = ~np.isfinite(away)
         if lost.any():
             place = self.place(float(middle[int(np.argmax(lost))]))
@@ -330,12 +349,16 @@ class _CellSearch:
         """
         copies = self.motion.copies
         span = begin - copies.delays[-1], end - copies.delays[0]
-        first, last = (self.trajectory.at(np.clip(t, 0.0, self.trajectory.duration)).s for t in span)
+        first, last = (
+            self.trajectory.at(np.clip(t, 0.0, self.trajectory.duration)).s for t in span
+        )
         return np.stack([first, last, use])
 
     def place(self, t: float, axis: str = "") -> Place:
         """Return where the path is `centre` before t; its time is that of the shaped motion."""
-        state = self.trajectory.at(np.clip(t - self.motion.copies.centre, 0.0, self.trajectory.duration))
+        state = self.trajectory.at(
+            np.clip(t - self.motion.copies.centre, 0.0, self.trajectory.duration)
+        )
         path = self.trajectory.path
         assert isinstance(path, MachinePath)
         return path.place(float(state.s[0]), int(state.piece[0]), float(t), axis)

@@ -1,4 +1,6 @@
-"""What input shapers cost: their length, and the time that limits take of which less is planned with before them."""
+"""What input shapers cost: their length, and the time that limits take of which less is planned
+with before them.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -27,7 +29,8 @@ def _describe_covered(share: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class LoweredStretch:
-    """A stretch of the path on which less of a limit is planned with, so that all of it is kept behind the shapers.
+    """A stretch of the path on which less of a limit is planned with, so that all of it is kept
+    behind the shapers.
 
     share           of the limit, the least on the stretch
     since, until    its ends;  lowest: where the share is
@@ -45,11 +48,13 @@ class ShapingCost:
     """What input shapers cost a motion.
 
     length       s, by which the shapers are longer than nothing
-    unlowered    s, of the motion before the shapers with all of the limits: what the machine takes without shapers
+    unlowered    s, of the motion before the shapers with all of the limits: what the machine takes
+                 without shapers
     lowering     s, by which it takes longer as less of the limits is planned with
     path_length  m
     lowered      by limit the shares that were planned with, of those that were lowered
-    everywhere   whether they were lowered all along the path, as lowering them in places was not enough
+    everywhere   whether they were lowered all along the path, as lowering them in places was not
+                 enough
     stretches    where, in the order of the path
     """
 
@@ -86,30 +91,49 @@ class ShapingCost:
                 continue
             own = [each for each in self.stretches if each.limit == name]
             worst = min(own, key=lambda each: each.share)
-            at = f"segment {worst.lowest.segment}" if worst.lowest.segment is not None else f"{worst.lowest.s:.6g} m"
+            at = (
+                f"segment {worst.lowest.segment}"
+                if worst.lowest.segment is not None
+                else f"{worst.lowest.s:.6g} m"
+            )
             covered = f"{_describe_covered(shares.lowered_length / self.path_length)} of the path"
-            more = "" if len(own) == 1 else f", by less in {count_noun(len(own) - 1, 'other place')}"
-            told.append(f"{least} near {at}{more} ({covered} in all)" if more else f"{least} near {at} ({covered})")
+            more = (
+                "" if len(own) == 1 else f", by less in {count_noun(len(own) - 1, 'other place')}"
+            )
+            told.append(
+                f"{least} near {at}{more} ({covered} in all)"
+                if more
+                else f"{least} near {at} ({covered})"
+            )
         return "; ".join(told)
 
     def tables(self) -> tuple[Table, ...]:
         """The lowered stretches, those lowered most if there are many."""
         shown = sorted(
-            sorted(self.stretches, key=lambda each: each.share)[:SHOWN_STRETCHES], key=lambda one: one.since.s
+            sorted(self.stretches, key=lambda each: each.share)[:SHOWN_STRETCHES],
+            key=lambda one: one.since.s,
         )
         if not shown:
             return ()
         left = len(self.stretches) - len(shown)
         columns = (
             Column("limit", [each.limit for each in shown]),
-            Column("lowered to", [float(floor_percent(each.share)) for each in shown], "%", form=".2f"),
+            Column(
+                "lowered to", [float(floor_percent(each.share)) for each in shown], "%", form=".2f"
+            ),
             Column("from segment", [each.since.segment for each in shown]),
             Column("to segment", [each.until.segment for each in shown]),
             Column("from", [each.since.s for each in shown], "m", "human", ".3f"),
             Column("to", [each.until.s for each in shown], "m", "human", ".3f"),
         )
         notes = (f"{left} more, lowered less",) if left else ()
-        return (Table("limits lowered before the shapers, so that all of them are kept behind", columns, notes),)
+        return (
+            Table(
+                "limits lowered before the shapers, so that all of them are kept behind",
+                columns,
+                notes,
+            ),
+        )
 
 
 def find_stretches(path: ActuatorPath, lowered: Mapping[str, Shares]) -> tuple[LoweredStretch, ...]:
@@ -120,7 +144,11 @@ def find_stretches(path: ActuatorPath, lowered: Mapping[str, Shares]) -> tuple[L
         begins, stops = np.flatnonzero(low[1:] & ~low[:-1]), np.flatnonzero(low[:-1] & ~low[1:])
         for begin, stop in zip(begins.tolist(), stops.tolist(), strict=True):
             least = begin + int(shares.values[begin:stop].argmin())
-            at = shares.ends[begin], shares.ends[stop], (shares.ends[least] + shares.ends[least + 1]) / 2
+            at = (
+                shares.ends[begin],
+                shares.ends[stop],
+                (shares.ends[least] + shares.ends[least + 1]) / 2,
+            )
             since, until, lowest = (_find_place(path, float(s)) for s in at)
             found.append(LoweredStretch(name, float(shares.values[least]), since, until, lowest))
     return tuple(sorted(found, key=lambda each: each.since.s))

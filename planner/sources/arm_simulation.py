@@ -1,7 +1,8 @@
-"""The plate's rotation on three arms, as the program of [KMITL 2005] shows it: which arm lengths a turned pose takes.
+"""The plate's rotation on three arms, as the program of [KMITL 2005] shows it: which arm lengths a
+turned pose takes.
 
-A machine of three arms keeps its plate's orientation and cannot turn it; the source turns it on the screen alone. So
-does this: lengths are shown, and no motion is made of them.
+A machine of three arms keeps its plate's orientation and cannot turn it; the source turns it on the
+screen alone. So does this: lengths are shown, and no motion is made of them.
 """
 
 from dataclasses import dataclass, field
@@ -34,9 +35,10 @@ class ArmSimulation(Result):
     lengths  (N, 3) m, between the joints of each arm
     stroke   (N, 3) m, from their lengths at home
     within   (N, 3) bool, whether that is in the arm's travel
-    turned   (N,) bool: simulated only, for the machine keeps the orientation that its plate has at home
-    off      (N,) m, by which the end point of the machine, its plate held, would miss the pose with these lengths; nan
-             where no pose has them. 0 where the pose is not turned
+    turned   (N,) bool: simulated only, for the machine keeps the orientation that its plate has at
+             home
+    off      (N,) m, by which the end point of the machine, its plate held, would miss the pose with
+             these lengths; nan where no pose has them. 0 where the pose is not turned
     """
 
     machine: str
@@ -57,7 +59,10 @@ class ArmSimulation(Result):
         columns = (
             Column("pose", range(1, len(self.listed) + 1)),
             *(Column(name, self.listed.poses[:, k], "m", "human") for k, name in enumerate("xyz")),
-            *(Column(f"θ{name}", self.listed.poses[:, 3 + k], "rad", "human") for k, name in enumerate("xyz")),
+            *(
+                Column(f"θ{name}", self.listed.poses[:, 3 + k], "rad", "human")
+                for k, name in enumerate("xyz")
+            ),
             *(Column(f"arm{k + 1}", self.lengths[:, k], "m", "human", ".3f") for k in range(3)),
             Column("plate", np.where(self.turned, "turned", "held").tolist()),
             Column("off", self.off, "m", "human", ".3f"),
@@ -70,11 +75,19 @@ class ArmSimulation(Result):
         )
         beyond = ("beyond: arms outside their travel",)
         title = f"arm lengths of {self.machine} at {count_noun(len(self.listed), 'pose')} from {self.listed.frame}"
-        return (Table(title, columns, (*self.notes, *(told if count else ()), *(beyond if any(short) else ()))),)
+        return (
+            Table(
+                title,
+                columns,
+                (*self.notes, *(told if count else ()), *(beyond if any(short) else ())),
+            ),
+        )
 
 
 @check_arguments("machine")
-def simulate_arms(listed: PositionList, machine: MachineSource, *, unit: float | None = None) -> ArmSimulation:
+def simulate_arms(
+    listed: PositionList, machine: MachineSource, *, unit: float | None = None
+) -> ArmSimulation:
     """Arm lengths at the poses of a list; rotation R = Ry · Rz · Rx if the list states so.
 
     Parameters
@@ -84,7 +97,8 @@ def simulate_arms(listed: PositionList, machine: MachineSource, *, unit: float |
     machine
         A machine with three arms, its name, or the path of its file.
     unit
-        m: simulate every step of the source's rule (`positions.step_poses`), of a unit or of 1°. None: the listed
+        m: simulate every step of the source's rule (`positions.step_poses`), of a unit or of 1°.
+        None: the listed
         poses.
 
     Returns
@@ -99,7 +113,9 @@ def simulate_arms(listed: PositionList, machine: MachineSource, *, unit: float |
     """
     machine = load_machine(machine)
     if not isinstance(machine, Tripod):
-        raise MotionError(f"arm simulation: machine {machine.name} is not a tripod; the simulation is for three arms")
+        raise MotionError(
+            f"arm simulation: machine {machine.name} is not a tripod; the simulation is for three arms"
+        )
     if not len(listed):
         raise MotionError("arm simulation: the list has no pose; record one first")
     notes: list[str] = []
@@ -120,7 +136,9 @@ def simulate_arms(listed: PositionList, machine: MachineSource, *, unit: float |
 
 
 def _position_error(machine: Tripod, lengths: Array, wanted: Array) -> Array:
-    """(K,) m between places and those of the end point with the plate held; nan where no pose has the lengths."""
+    """(K,) m between places and those of the end point with the plate held; nan where no pose has
+    the lengths.
+    """
     from scipy.spatial.transform import Rotation
 
     home = machine.home.rotation.as_matrix()

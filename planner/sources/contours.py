@@ -1,7 +1,8 @@
-"""From contours to a program: the way between them, down to them and up again, and into closed ones.
+"""From contours to a program: the way between them, down to them and up again, and into closed
+ones.
 
-What ends where another begins is one contour, turned round where it has to be. Their order shortens the way between
-them: nearest neighbour, then 2-opt.
+What ends where another begins is one contour, turned round where it has to be. Their order shortens
+the way between them: nearest neighbour, then 2-opt.
 """
 
 from collections.abc import Sequence
@@ -38,20 +39,26 @@ MIN_GAIN = 1e-9
 Numbers = NDArray[np.intp]
 
 
-def find_tour(start: Array, entries: Sequence[Array], closed: Sequence[bool]) -> list[tuple[int, int]]:
+def find_tour(
+    start: Array, entries: Sequence[Array], closed: Sequence[bool]
+) -> list[tuple[int, int]]:
     """Which to run after which, and by which of its entries, so that the way between them is short.
 
     start    (3,) from where
-    entries  of each the points (N, 3) by which it can be entered: of an open one its two ends, which leaves by the
-             other; a closed one leaves where it was entered
-    From the nearest to the nearest, then with parts turned round as long as that shortens the way (2-opt, among the
+    entries  of each the points (N, 3) by which it can be entered: of an open one its two ends,
+             which leaves by the other; a closed one leaves where it was entered
+    From the nearest to the nearest, then with parts turned round as long as that shortens the way
+    (2-opt, among the
     nearest ends); in the end closed ones take the vertex that lies best between their neighbours.
     """
     if not entries:
         return []
     order, by = _nearest(start, entries, closed)
     ends = np.array(
-        [[points[b], points[b if loop else 1 - b]] for points, b, loop in zip(entries, by, closed, strict=True)]
+        [
+            [points[b], points[b if loop else 1 - b]]
+            for points, b, loop in zip(entries, by, closed, strict=True)
+        ]
     )
     order, turned = _improve_order(start, order, ends)
     by = np.where(turned & ~np.asarray(closed), 1 - by, by)
@@ -67,7 +74,9 @@ def find_tour(start: Array, entries: Sequence[Array], closed: Sequence[bool]) ->
     return [(int(k), int(by[k])) for k in order]
 
 
-def _nearest(start: Array, entries: Sequence[Array], closed: Sequence[bool]) -> tuple[Numbers, Numbers]:
+def _nearest(
+    start: Array, entries: Sequence[Array], closed: Sequence[bool]
+) -> tuple[Numbers, Numbers]:
     """The order from nearest to nearest, and the entry of each."""
     from scipy.spatial import cKDTree
 
@@ -95,10 +104,11 @@ def _nearest(start: Array, entries: Sequence[Array], closed: Sequence[bool]) -> 
 
 
 def _improve_order(start: Array, order: Numbers, ends: Array) -> tuple[Numbers, NDArray[np.bool_]]:
-    """2-opt of an order of ways between ends (n, 2, 3); which of them run from their second end in the end.
+    """2-opt of an order of ways between ends (n, 2, 3); which of them run from their second end in
+    the end.
 
-    Turning round what stands from place i + 1 to j takes the gaps behind i and j away, and makes one from exit to exit
-    and one from entry to entry. The start counts as a way that stays first.
+    Turning round what stands from place i + 1 to j takes the gaps behind i and j away, and makes
+    one from exit to exit and one from entry to entry. The start counts as a way that stays first.
     """
     from scipy.spatial import cKDTree
 
@@ -120,12 +130,17 @@ def _improve_order(start: Array, order: Numbers, ends: Array) -> tuple[Numbers, 
         i, j = (place[end[alike] // 2] - ~exits[alike] for end in (a, b))
         i, j = np.minimum(i, j), np.maximum(i, j)
         i, j = i[i >= 0], j[i >= 0]
-        gain = _gain(points[order[:, None], np.stack([turned, ~turned], 1)[order].astype(int)], i, j)
+        gain = _gain(
+            points[order[:, None], np.stack([turned, ~turned], 1)[order].astype(int)], i, j
+        )
         likely = np.argsort(-gain, kind="stable")[: int((gain > MIN_GAIN).sum())]
         changed = False
         for at, to in zip(i[likely].tolist(), j[likely].tolist(), strict=True):
             # what has been turned before may have left nothing to gain
-            corners = [at_ends[order[k]][turned[order[k]] ^ end] for k, end in ((at, 1), (at + 1, 0), (to, 1))]
+            corners = [
+                at_ends[order[k]][turned[order[k]] ^ end]
+                for k, end in ((at, 1), (at + 1, 0), (to, 1))
+            ]
             gains = dist(corners[0], corners[1]) - dist(corners[0], corners[2])
             if to + 1 < n:
                 last = at_ends[order[to + 1]][int(turned[order[to + 1]])]
@@ -141,9 +156,14 @@ def _improve_order(start: Array, order: Numbers, ends: Array) -> tuple[Numbers, 
 
 
 def _gain(ways: Array, i: Numbers, j: Numbers) -> Array:
-    """m by which turning round what stands from place i + 1 to j shortens ways (n, 2, 3) in their order."""
+    """m by which turning round what stands from place i + 1 to j shortens ways (n, 2, 3) in their
+    order.
+    """
     entry, leave = ways[:, 0], ways[:, 1]
-    after, behind = np.minimum(j + 1, len(ways) - 1), j + 1 < len(ways)  # there is no gap behind the last
+    after, behind = (
+        np.minimum(j + 1, len(ways) - 1),
+        j + 1 < len(ways),
+    )  # there is no gap behind the last
     gone = _distances(leave[i], entry[i + 1]) + behind * _distances(leave[j], entry[after])
     made = _distances(leave[i], leave[j]) + behind * _distances(entry[i + 1], entry[after])
     return np.asarray(gone - made)
@@ -155,12 +175,14 @@ def _distances(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Cutting:
-    """How contours are run: heights above the plane z = 0 of their coordinates (m), speeds (m/s), and joins.
+    """How contours are run: heights above the plane z = 0 of their coordinates (m), speeds (m/s),
+    and joins.
 
     retract   height of the way between contours; None: straight from one to the next
     approach  height above a contour's start from which it is gone down to at `speed`
     rapid     cap of the way between; speed: cap along contours; None: none
-    lead_in   m of the way into a closed contour, tangential: straight or, where lead is "arc", a quarter circle
+    lead_in   m of the way into a closed contour, tangential: straight or, where lead is "arc", a
+              quarter circle
     side      where a quarter circle comes from
     nearest   whether their order is chosen so that the way between is short; else it is as given
     """
@@ -176,8 +198,13 @@ class Cutting:
     nearest: bool
 
 
-def make_segments(chains: Sequence[Chain], closed: Sequence[bool], how: Cutting, start: Array) -> tuple[Segment, ...]:
-    """Segments through all chains, from a start (3,). Raises MotionError for a retract height that is in the way."""
+def make_segments(
+    chains: Sequence[Chain], closed: Sequence[bool], how: Cutting, start: Array
+) -> tuple[Segment, ...]:
+    """Segments through all chains, from a start (3,).
+
+    Raises MotionError for a retract height that is in the way.
+    """
     if how.retract is not None:
         top = max(max_height(stroke) for chain in chains for stroke in chain)
         if how.retract < top + how.approach:
@@ -196,7 +223,9 @@ def make_segments(chains: Sequence[Chain], closed: Sequence[bool], how: Cutting,
             segments.append(replace(fitting.segment, speed=how.speed, join=join))
             here = fitting.end
         if how.retract is not None:
-            here = _append_line(segments, here, np.array([here[0], here[1], how.retract]), how.rapid)
+            here = _append_line(
+                segments, here, np.array([here[0], here[1], how.retract]), how.rapid
+            )
     return tuple(segments)
 
 
@@ -213,12 +242,16 @@ def _order_chains(
     order = find_tour(start, entries, closed)
     for k, by in order:
         chain = chains[k]
-        found.append(begin_at_vertex(chain, by) if closed[k] else reverse_chain(chain) if by else chain)
+        found.append(
+            begin_at_vertex(chain, by) if closed[k] else reverse_chain(chain) if by else chain
+        )
     return found, [closed[k] for k, _ in order]
 
 
 def _move_to_contour(segments: list[Segment], here: Array, there: Array, how: Cutting) -> Array:
-    """To where a contour starts: up, across, down at rapid speed, and the rest at that of the contour."""
+    """To where a contour starts: up, across, down at rapid speed, and the rest at that of the
+    contour.
+    """
     if np.linalg.norm(there - here) <= MIN_MOVE:
         return here
     if how.retract is None:
@@ -238,7 +271,9 @@ def _append_line(segments: list[Segment], here: Array, there: Array, speed: floa
 
 
 def _lead_in(chain: Chain, how: Cutting) -> Chain:
-    """A closed chain with its way in: along its first direction, or a quarter circle onto that from a side."""
+    """A closed chain with its way in: along its first direction, or a quarter circle onto that from
+    a side.
+    """
     length, start = how.lead_in or 0.0, chain[0].start
     ahead = end_directions(chain[0])[0]
     if how.lead == "line":
@@ -250,7 +285,9 @@ def _lead_in(chain: Chain, how: Cutting) -> Chain:
     left = (signed_area(chain) < 0) != (how.side == "inside")
     size = float(np.linalg.norm(outward))
     if size < 1e-6:
-        raise MotionError("lead arc: a contour starts along the plane's normal; take a straight lead-in")
+        raise MotionError(
+            "lead arc: a contour starts along the plane's normal; take a straight lead-in"
+        )
     aside = outward / size * (-1 if left else 1)
     centre = start + radius * aside
     normal = cross_product(ahead, aside)  # turning about it ends along ahead
@@ -265,10 +302,12 @@ MAX_FORK_ENDS = 64
 
 
 def chain_strokes(chains: Sequence[Chain], tolerance: float) -> tuple[list[Chain], int]:
-    """Chains joined where their ends are within `tolerance` (m), in the order of their first; and how many forks.
+    """Chains joined where their ends are within `tolerance` (m), in the order of their first; and
+    how many forks.
 
-    At a fork, where more than two end, the way goes on where it bends least. The direction of a result is that of most
-    of its parts. Raises MotionError for a tolerance that is wider than the drawing's own details.
+    At a fork, where more than two end, the way goes on where it bends least. The direction of a
+    result is that of most of its parts. Raises MotionError for a tolerance that is wider than the
+    drawing's own details.
     """
     if not chains:
         return [], 0
@@ -300,7 +339,9 @@ def _group_ends(ends: Array, tolerance: float) -> list[list[int]]:
     from scipy.spatial import cKDTree
 
     # first those that are the same, which may be any number: pairs are counted among the others
-    _, first, same = np.unique(np.rint(ends / MIN_MOVE), axis=0, return_index=True, return_inverse=True)
+    _, first, same = np.unique(
+        np.rint(ends / MIN_MOVE), axis=0, return_index=True, return_inverse=True
+    )
     tree = cKDTree(ends[first])
     if tree.count_neighbors(tree, tolerance) > MAX_NEIGHBOURS * len(first):
         raise MotionError(
@@ -308,7 +349,9 @@ def _group_ends(ends: Array, tolerance: float) -> list[list[int]]:
             "than the drawing's details"
         )
     pairs = tree.query_pairs(tolerance, output_type="ndarray")
-    near = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(first), len(first)))
+    near = coo_array(
+        (np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(first), len(first))
+    )
     label = np.asarray(connected_components(near, directed=False)[1])[same.ravel()]
     order = np.argsort(label, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
@@ -340,6 +383,8 @@ def _follow_chains(chains: Sequence[Chain], partner: NDArray[np.intp]) -> list[C
             continue
         if sum(end % 2 for end in parts) * 2 > len(parts):
             parts = [end ^ 1 for end in reversed(parts)]
-        strokes = [chains[end // 2] if end % 2 == 0 else reverse_chain(chains[end // 2]) for end in parts]
+        strokes = [
+            chains[end // 2] if end % 2 == 0 else reverse_chain(chains[end // 2]) for end in parts
+        ]
         found.append((min(parts) // 2, tuple(stroke for chain in strokes for stroke in chain)))
     return [chain for _, chain in sorted(found, key=lambda pair: pair[0])]

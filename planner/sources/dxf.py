@@ -1,4 +1,5 @@
-"""DXF drawings, by ezdxf (extra `cad`): lines, arcs, circles, polylines, ellipses, splines and blocks of model space.
+"""DXF drawings, by ezdxf (extra `cad`): lines, arcs, circles, polylines, ellipses, splines and
+blocks of model space.
 
 | entity | becomes |
 |---|---|
@@ -8,13 +9,15 @@
 | SPLINE | a spline through points as well, in parts where it has corners or gaps; lines where its degree is 1 |
 | INSERT | the entities of its block: moved, turned, scaled, mirrored, nested, in arrays |
 
-Texts, dimensions, points, hatches and the like (`ANNOTATIONS`) are skipped with a warning, or refused with the option
-`strict`. Everything else is a fault, named by its handle, layer and kind: leave its layer out, or change the drawing.
-Entities whose ends are within `tolerance` become one contour and are reversed where necessary. A gap at a join is
-closed: the next entity starts where the path is. Widths and thicknesses are ignored. Coordinates remain those of the
-drawing. The option `origin` makes the program's work frame, so that the drawing's plane may lie anywhere.
+Texts, dimensions, points, hatches and the like (`ANNOTATIONS`) are skipped with a warning, or
+refused with the option `strict`. Everything else is a fault, named by its handle, layer and kind:
+leave its layer out, or change the drawing. Entities whose ends are within `tolerance` become one
+contour and are reversed where necessary. A gap at a join is closed: the next entity starts where
+the path is. Widths and thicknesses are ignored. Coordinates remain those of the drawing. The option
+`origin` makes the program's work frame, so that the drawing's plane may lie anywhere.
 
-ezdxf does not keep line numbers. The line of an entity or of a header variable is searched in the file.
+ezdxf does not keep line numbers. The line of an entity or of a header variable is searched in the
+file.
 """
 
 import re
@@ -41,10 +44,11 @@ from planner.sources.stroke import Chain
 
 
 def find_line(path: Path, code: int, value: str, section: str = "") -> int | None:
-    """Return the first line with this group code and value, None if no line has them, as in a binary file.
+    """Return the first line with this group code and value, None if no line has them, as in a
+    binary file.
 
-    section: name of a section, to search only from its beginning on. The code of a handle is 5, that of a variable's
-    name 9, that of an entity's kind 0.
+    section: name of a section, to search only from its beginning on. The code of a handle is 5,
+    that of a variable's name 9, that of an entity's kind 0.
     """
     lines = [line.strip() for line in read_all_bytes(path).decode("utf-8", "replace").splitlines()]
     begun = not section
@@ -75,7 +79,9 @@ MAX_HANDLES = 1000
 
 @dataclass(frozen=True, slots=True)
 class DxfDrawing:
-    """Entities of a drawing, with those of blocks, in their order; size of its unit, m; and warnings."""
+    """Entities of a drawing, with those of blocks, in their order; size of its unit, m; and
+    warnings.
+    """
 
     entities: list[PlacedEntity]
     metres: float
@@ -85,7 +91,8 @@ class DxfDrawing:
 def read_drawing(path: Path, options: "Dxf") -> DxfDrawing:
     """Read the entities of model space that the options select.
 
-    Raises FileError for a file that is not DXF, is broken or has no unit; NotInstalled where ezdxf is missing.
+    Raises FileError for a file that is not DXF, is broken or has no unit; NotInstalled where ezdxf
+    is missing.
     """
     try:
         from ezdxf.filemanagement import readfile
@@ -97,7 +104,11 @@ def read_drawing(path: Path, options: "Dxf") -> DxfDrawing:
         entities = expand_blocks(document.modelspace())
         layers = {layer.dxf.name.lower(): layer for layer in document.layers}
         papers = Counter(
-            {name: len(document.layout(name)) for name in document.layout_names() if name.lower() != "model"}
+            {
+                name: len(document.layout(name))
+                for name in document.layout_names()
+                if name.lower() != "model"
+            }
         )
     except MotionError as error:
         raise FileError(str(path), [Fault("", str(error))]) from None
@@ -108,7 +119,9 @@ def read_drawing(path: Path, options: "Dxf") -> DxfDrawing:
         for name, count in papers.items()
         if count
     ]
-    metres = _read_unit(path, document.units if b"$INSUNITS" in raw else 0, options.length, warnings)
+    metres = _read_unit(
+        path, document.units if b"$INSUNITS" in raw else 0, options.length, warnings
+    )
     selected = _select_entities(path, entities, layers, options, warnings)
     return DxfDrawing(selected, metres, warnings)
 
@@ -128,7 +141,9 @@ def _describe_parser_error(path: Path, raw: bytes, error: Exception) -> Fault:
         # such a kind does not belong among entities, but may stand in an earlier section as well
         line = find_line(path, KIND_CODE, named[1], "ENTITIES") or line
         message = f"{named[1]} is no entity of a drawing"
-    return Fault("", f"not a readable DXF file: {describe_value(message)}; the rest was not checked", line)
+    return Fault(
+        "", f"not a readable DXF file: {describe_value(message)}; the rest was not checked", line
+    )
 
 
 def _read_unit(path: Path, code: int, length: str | None, warnings: list[str]) -> float:
@@ -141,19 +156,29 @@ def _read_unit(path: Path, code: int, length: str | None, warnings: list[str]) -
     stated = METRES.get(code)
     if length is None:
         if stated is None:
-            reason = "states no unit ($INSUNITS)" if not code else f"states unit {code} ($INSUNITS), which is not known"
+            reason = (
+                "states no unit ($INSUNITS)"
+                if not code
+                else f"states unit {code} ($INSUNITS), which is not known"
+            )
             line = find_line(path, VARIABLE_CODE, "$INSUNITS") or 1
             message = f'the drawing {reason}; give the option length, e.g. "mm"'
             raise FileError(str(path), [Fault("$INSUNITS", message, line)])
         return stated
     given = unit_value(length, "m")
     if stated is not None and stated != given:
-        warnings.append(f"the drawing states units of {stated * 1e3:g} mm; {length} was taken, as the option says")
+        warnings.append(
+            f"the drawing states units of {stated * 1e3:g} mm; {length} was taken, as the option says"
+        )
     return given
 
 
 def _select_entities(
-    path: Path, entities: list[PlacedEntity], layers: dict[str, Any], options: "Dxf", warnings: list[str]
+    path: Path,
+    entities: list[PlacedEntity],
+    layers: dict[str, Any],
+    options: "Dxf",
+    warnings: list[str],
 ) -> list[PlacedEntity]:
     """Select the entities of the named layers, or all but those of skipped and hidden layers.
 
@@ -164,7 +189,10 @@ def _select_entities(
     for name in [*named, *skipped]:
         if name not in known:
             offered = ", ".join(describe_value(layer) for layer in sorted(known)[:20])
-            raise FileError(str(path), [Fault("", f'no layer "{name}"{nearest(name, known)}; its layers: {offered}')])
+            raise FileError(
+                str(path),
+                [Fault("", f'no layer "{name}"{nearest(name, known)}; its layers: {offered}')],
+            )
     off = {name for name, layer in layers.items() if layer.is_off()} - set(named)
     frozen = {name for name, layer in layers.items() if layer.is_frozen()} - set(named)
     left_out, selected = Counter[str](), []
@@ -188,12 +216,16 @@ def _select_entities(
 
 
 def refuse_unknown(path: Path, entities: list[PlacedEntity], faults: Faults) -> None:
-    """Add a fault for each kind and layer of unsupported entities: the line of the first, the handles of all."""
+    """Add a fault for each kind and layer of unsupported entities: the line of the first, the
+    handles of all.
+    """
     groups: dict[tuple[str, str, str], list[str]] = defaultdict(list)
     for one in entities:
         groups[one.entity.dxftype(), one.layer, one.fault].append(str(one.entity.dxf.handle))
     for (kind, layer, fault), copies in groups.items():
-        handles = list(dict.fromkeys(copies))  # an entity of a block once, however many copies there are
+        handles = list(
+            dict.fromkeys(copies)
+        )  # an entity of a block once, however many copies there are
         more = f" and {len(handles) - MAX_HANDLES} more" if len(handles) > MAX_HANDLES else ""
         remedy = "explode it" if kind in ("DIMENSION", "MLINE", "POLYLINE") else "take it out"
         reason = fault or f"{kind} is not supported: {remedy}, or skip its layer"
@@ -206,13 +238,22 @@ def refuse_unknown(path: Path, entities: list[PlacedEntity], faults: Faults) -> 
 
 @dataclass(frozen=True, slots=True)
 class Dxf:
-    """DXF drawings: lines, arcs, circles, polylines, ellipses, splines, blocks. Texts and the like are skipped."""
+    """DXF drawings: lines, arcs, circles, polylines, ellipses, splines, blocks.
+
+    Texts and the like are skipped.
+    """
 
     suffixes: ClassVar[tuple[str, ...]] = (".dxf",)
-    length: str | None = option(None, 'unit of the drawing, as "mm". Default: as the drawing states')
-    layers: str | None = option(None, 'only these layers, as "CUT, MARK". Default: all that are on and not frozen')
+    length: str | None = option(
+        None, 'unit of the drawing, as "mm". Default: as the drawing states'
+    )
+    layers: str | None = option(
+        None, 'only these layers, as "CUT, MARK". Default: all that are on and not frozen'
+    )
     skip: str | None = option(None, 'layers to leave out, as "NOTES, 0"')
-    tolerance: float = option(1e-5, "ends this close are joined. Default 0.01 mm", "m", like="0.01 mm")
+    tolerance: float = option(
+        1e-5, "ends this close are joined. Default 0.01 mm", "m", like="0.01 mm"
+    )
     deviation: float = option(
         1e-6, "largest deviation from ellipses and splines. Default 0.001 mm", "m", like="0.001 mm"
     )
@@ -223,26 +264,44 @@ class Dxf:
     join: Literal["through", "stop"] = option(
         "through", "joins inside contours: through passes smooth joins, stop rests. Default through"
     )
-    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m", like="0.05 mm")
+    blend: float | None = option(
+        None, 'round joins within this tolerance instead, as "0.05 mm"', "m", like="0.05 mm"
+    )
     fit: float | None = option(
         None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m", like="0.02 mm"
     )
-    speed: float | None = option(None, "limit of the tool speed along contours. Default: none", "m/s")
-    rapid: float | None = option(None, "limit of the tool speed between contours. Default: none", "m/s")
+    speed: float | None = option(
+        None, "limit of the tool speed along contours. Default: none", "m/s"
+    )
+    rapid: float | None = option(
+        None, "limit of the tool speed between contours. Default: none", "m/s"
+    )
     retract: float | None = option(
-        None, "height of moves between contours above the drawing's plane. Default: in the plane", "m"
+        None,
+        "height of moves between contours above the drawing's plane. Default: in the plane",
+        "m",
     )
     approach: float = option(
         0.0, "height above a contour's start from which the tool descends at speed. Default 0", "m"
     )
-    lead_in: float | None = option(None, "length of a tangential lead-in to closed contours. Default: none", "m")
-    lead: Literal["line", "arc"] = option("line", "shape of the lead-in: straight, or a quarter circle. Default line")
-    side: Literal["outside", "inside"] = option("outside", "side of a quarter-circle lead-in. Default outside")
+    lead_in: float | None = option(
+        None, "length of a tangential lead-in to closed contours. Default: none", "m"
+    )
+    lead: Literal["line", "arc"] = option(
+        "line", "shape of the lead-in: straight, or a quarter circle. Default line"
+    )
+    side: Literal["outside", "inside"] = option(
+        "outside", "side of a quarter-circle lead-in. Default outside"
+    )
     origin: str | None = option(
-        None, 'position of the drawing\'s zero from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
+        None,
+        'position of the drawing\'s zero from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home',
     )
 
-    strict: bool = option(False, "refuse texts, dimensions, points and hatches instead of skipping them with a warning")
+    strict: bool = option(
+        False,
+        "refuse texts, dimensions, points and hatches instead of skipping them with a warning",
+    )
 
     def __post_init__(self) -> None:
         units = dict.fromkeys(("blend", "fit", "lead_in", "tolerance", "deviation"), "m") | {
@@ -251,7 +310,9 @@ class Dxf:
         }
         for name, unit in units.items():
             check_positive("dxf", name, getattr(self, name), unit)
-        if not (np.isfinite(self.approach) and self.approach >= 0 and np.isfinite(self.retract or 0)):
+        if not (
+            np.isfinite(self.approach) and self.approach >= 0 and np.isfinite(self.retract or 0)
+        ):
             raise MotionError("dxf: retract and approach must be finite, and approach not negative")
         if self.approach and self.retract is None:
             raise MotionError("dxf: approach needs retract, the height that it starts from")
@@ -265,7 +326,10 @@ class Dxf:
         return _names(self.skip)
 
     def read(self, path: Path) -> Imported:
-        """Return the program of a DXF file. Raises FileError with its faults; MotionError where ezdxf is missing."""
+        """Return the program of a DXF file.
+
+        Raises FileError with its faults; MotionError where ezdxf is missing.
+        """
         faults = Faults(str(path))
         drawing = read_drawing(path, self)
         shapes = StrokeMaker(drawing.metres, self.deviation)
@@ -281,13 +345,20 @@ class Dxf:
             except Exception as error:  # ours, or an error of ezdxf in an entity that it has read
                 handle = str(entity.dxf.handle)
                 fault = str(error) if isinstance(error, MotionError) else f"broken: {error}"
-                faults.add(fault, find_line(path, HANDLE_CODE, handle), f"{entity.dxftype()} {handle}")
+                faults.add(
+                    fault, find_line(path, HANDLE_CODE, handle), f"{entity.dxftype()} {handle}"
+                )
         lines, short = _drop_short_lines(parts, self.tolerance)
         if not faults and not lines:
-            faults.add("nothing to run: no lines or curves longer than the tolerance on these layers")
+            faults.add(
+                "nothing to run: no lines or curves longer than the tolerance on these layers"
+            )
         faults.refuse()
         chains, forks = chain_strokes(lines, self.tolerance)
-        closed = [bool(np.linalg.norm(chain[0].start - chain[-1].end) <= self.tolerance) for chain in chains]
+        closed = [
+            bool(np.linalg.norm(chain[0].start - chain[-1].end) <= self.tolerance)
+            for chain in chains
+        ]
         work = None if self.origin is None else read_frame(self.origin)
         start = np.zeros(3) if work is None else work.inv().translation
         segments = make_segments(chains, closed, self._read_cutting(), np.asarray(start))
@@ -308,9 +379,13 @@ class Dxf:
     def _warnings(self, shapes: StrokeMaker, short: int, forks: int, contours: int) -> list[str]:
         lines = []
         if shapes.worst:
-            lines.append(f"ellipses and splines are curves through points, off by {shapes.worst * 1e6:.3g} um at most")
+            lines.append(
+                f"ellipses and splines are curves through points, off by {shapes.worst * 1e6:.3g} um at most"
+            )
         if shapes.nothing:
-            lines.append(f"skipped {count_noun(shapes.nothing, 'shape')} without length (lines, arcs, polyline sides)")
+            lines.append(
+                f"skipped {count_noun(shapes.nothing, 'shape')} without length (lines, arcs, polyline sides)"
+            )
         if short:
             lines.append(f"skipped {count_noun(short, 'entity')} shorter than the tolerance")
         if shapes.flattened:
@@ -321,7 +396,9 @@ class Dxf:
             forked = f"{count_noun(forks, 'point')} with more than two ends"
             lines.append(f"{forked}: contours continue there in the straightest direction")
         if contours > 1 and self.retract is None:
-            lines.append(f"{contours} contours, and no retract: moves between them lie in the drawing's plane")
+            lines.append(
+                f"{contours} contours, and no retract: moves between them lie in the drawing's plane"
+            )
         return lines
 
 
@@ -335,8 +412,10 @@ def _names(text: str | None) -> list[str]:
 
 
 def _drop_short_lines(parts: list[Chain], tolerance: float) -> tuple[list[Chain], int]:
-    """Drop lines that are shorter than the tolerance: their own two ends would be joined. Return the rest, and how many
-    were dropped."""
+    """Drop lines that are shorter than the tolerance: their own two ends would be joined.
+
+    Return the rest, and how many were dropped.
+    """
     kept = [
         chain
         for chain in parts

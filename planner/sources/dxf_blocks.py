@@ -71,7 +71,9 @@ def expand_blocks(entities: Iterable[Any]) -> list[PlacedEntity]:
     Raises MotionError where there would be more than MAX_COPIES.
     """
     expanded: list[PlacedEntity] = []
-    top = (PlacedEntity(entity, layer_of(entity), visible=_is_visible(entity)) for entity in entities)
+    top = (
+        PlacedEntity(entity, layer_of(entity), visible=_is_visible(entity)) for entity in entities
+    )
 
     # a stack of iterators instead of recursion: blocks may be nested deeply
     stack: list[tuple[str, Iterator[PlacedEntity]]] = [("", top)]
@@ -113,7 +115,9 @@ def _find_fault(insert: Any, open_blocks: list[str]) -> str:
     if block is None:
         return f"the drawing has no block {quoted}; purge the INSERT, or define the block"
     if block.block.is_xref or block.block.is_xref_overlay:
-        return f"block {quoted} is in another drawing (an external reference); bind it into this one"
+        return (
+            f"block {quoted} is in another drawing (an external reference); bind it into this one"
+        )
     if name.lower() in open_blocks:
         return f"block {quoted} contains itself; take the inner INSERT out"
     if XClip(insert).is_clipping_enabled:

@@ -1,8 +1,8 @@
 """Strokes of DXF entities: exact for lines and arcs, fitted for ellipses and splines.
 
-The points of a fitted curve are so dense that the spline through them stays within a tolerance of the curve. An entity
-of a block is mapped to the drawing before anything is fitted. So a circle in a block with two different scale factors
-becomes an ellipse, and a mirrored arc turns the other way.
+The points of a fitted curve are so dense that the spline through them stays within a tolerance of
+the curve. An entity of a block is mapped to the drawing before anything is fitted. So a circle in a
+block with two different scale factors becomes an ellipse, and a mirrored arc turns the other way.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -25,7 +25,10 @@ FIRST_POINTS, MAX_ROUNDS, MAX_POINTS = 17, 40, 20_000
 SPAN_SHARES = np.arange(1, 8) / 8
 """Places of a span where its distance from the curve is measured."""
 NEWTON_STEPS = 2
-"""Steps towards the nearest point of the curve. A remaining error makes the distance larger, never smaller."""
+"""Steps towards the nearest point of the curve.
+
+A remaining error makes the distance larger, never smaller.
+"""
 
 Curve = Callable[[Array], tuple[Array, Array]]
 """Points (N, 3) and their first derivatives at parameters (N,)."""
@@ -33,10 +36,12 @@ Corner = TypeVar("Corner")
 
 
 def fit_spline(curve: Curve, low: float, high: float, tolerance: float) -> tuple[Array, float]:
-    """Return points (N, 3) from low to high, and the largest distance (m) of the spline through them from the curve.
+    """Return points (N, 3) from low to high, and the largest distance (m) of the spline through
+    them from the curve.
 
-    Spans farther from it than the tolerance are halved, together with their neighbours. The distance is measured at
-    seven places of each span, to the nearest point of the curve. Raises MotionError where halving does not end.
+    Spans farther from it than the tolerance are halved, together with their neighbours. The
+    distance is measured at seven places of each span, to the nearest point of the curve. Raises
+    MotionError where halving does not end.
     """
     t = np.linspace(low, high, FIRST_POINTS)
     for _ in range(MAX_ROUNDS):
@@ -54,7 +59,9 @@ def fit_spline(curve: Curve, low: float, high: float, tolerance: float) -> tuple
         bad[1:] |= bad[:-1].copy()
         bad[:-1] |= bad[1:].copy()
         t = np.sort(np.concatenate([t, (t[:-1] + t[1:])[bad] / 2]))
-    raise MotionError(f"no smooth curve follows it within {tolerance * 1e3:g} mm; explode it into lines and arcs")
+    raise MotionError(
+        f"no smooth curve follows it within {tolerance * 1e3:g} mm; explode it into lines and arcs"
+    )
 
 
 def _curve_deviation(curve: Curve, t: Array, points: Array) -> Array:
@@ -63,7 +70,9 @@ def _curve_deviation(curve: Curve, t: Array, points: Array) -> Array:
 
 
 def _drawn_deviation(curve: Curve, t: Array, points: Array) -> Array:
-    """Measure the largest distance (m) of each span from the curve, on the pieces as they are run."""
+    """Measure the largest distance (m) of each span from the curve, on the pieces as they are
+    run.
+    """
     places, span = draw_through(points)
     away = _measure_places(curve, t, places, span)
     worst = np.zeros(len(t) - 1)
@@ -72,7 +81,9 @@ def _drawn_deviation(curve: Curve, t: Array, points: Array) -> Array:
 
 
 def _measure_places(curve: Curve, t: Array, places: Array, span: np.ndarray) -> Array:
-    """m, the largest distance from the curve of places (M, K, 3), each row of them on a span (M,) between t (N+1,)."""
+    """m, the largest distance from the curve of places (M, K, 3), each row of them on a span (M,)
+    between t (N+1,).
+    """
     x = places.reshape(-1, 3)
     share = np.linspace(0.0, 1.0, places.shape[1])
     near = (t[span][:, None] + np.diff(t)[span][:, None] * share).ravel()
@@ -84,8 +95,11 @@ def _measure_places(curve: Curve, t: Array, places: Array, span: np.ndarray) -> 
 
 
 MAX_EXCESS = 1e-3
-"""rad by which a stored sweep may exceed a full turn. Files round angles to as few as four digits; an arc that short is
-never stored as more than a full turn."""
+"""rad by which a stored sweep may exceed a full turn.
+
+Files round angles to as few as four digits; an arc that short is never stored as more than a full
+turn.
+"""
 ANGLE_ROUNDING = 1e-9
 """rad; a sweep this close to a full turn is one. A larger gap is drawn as it is stored."""
 
@@ -93,8 +107,8 @@ ANGLE_ROUNDING = 1e-9
 def swept_angle(first: float, last: float) -> float:
     """Return the angle (0 to 2π) from angle `first` to `last`, counter-clockwise (rad).
 
-    Equal angles give 0. Angles that differ by a full turn, or by a rounding more or less, give 2π; several full turns
-    count as one.
+    Equal angles give 0. Angles that differ by a full turn, or by a rounding more or less, give 2π;
+    several full turns count as one.
     """
     sweep = last - first
     turn = sweep % tau
@@ -112,8 +126,9 @@ def split_b_spline(knots: Array, points: Array, degree: int) -> list[tuple[Array
     knots   (n + degree + 1,), rising
     points  (n, d) control points
 
-    Returns knots and control points of each part. At a knot repeated `degree` times the curve has a corner. At one
-    repeated more often it has a gap: one part ends and the next begins at different points.
+    Returns knots and control points of each part. At a knot repeated `degree` times the curve has a
+    corner. At one repeated more often it has a gap: one part ends and the next begins at different
+    points.
     """
     low, high = knots[degree], knots[-degree - 1]
     places, first, counts = np.unique(knots, return_index=True, return_counts=True)
@@ -124,15 +139,22 @@ def split_b_spline(knots: Array, points: Array, degree: int) -> list[tuple[Array
     next_knot, next_point = 0, 0
     for place, begin, count in zip(places[inner], first[inner], counts[inner], strict=True):
         end_clamp = np.full(degree + 1, place)
-        parts.append((np.concatenate([clamp, knots[next_knot:begin], end_clamp]), points[next_point:begin]))
+        parts.append(
+            (np.concatenate([clamp, knots[next_knot:begin], end_clamp]), points[next_point:begin])
+        )
         clamp, next_knot = end_clamp, begin + count
-        next_point = next_knot - 1 - degree  # the control point at the knot, or the first one after a gap
+        next_point = (
+            next_knot - 1 - degree
+        )  # the control point at the knot, or the first one after a gap
     parts.append((np.concatenate([clamp, knots[next_knot:]]), points[next_point:]))
     return parts
 
 
 KNOT_ROUNDING = 1e-9
-"""Share of a spline's range. Knots that lie this close together are one knot, rounded differently."""
+"""Share of a spline's range.
+
+Knots that lie this close together are one knot, rounded differently.
+"""
 
 
 def _merge_knots(knots: Array) -> Array:
@@ -144,9 +166,14 @@ def _merge_knots(knots: Array) -> Array:
 MAX_SIZE = 1e5
 """m; no meaningful coordinate of a drawing is larger."""
 MAX_SHARE = 1e20
-"""Largest distance of a bulge's centre from its side, in lengths of the side. It is far beyond MAX_SIZE, and finite."""
+"""Largest distance of a bulge's centre from its side, in lengths of the side.
+
+It is far beyond MAX_SIZE, and finite.
+"""
 MAX_UNROUNDNESS = 1e-9
-"""Share of the radius by which the two half axes of a circle may differ, which is the rounding of its placement."""
+"""Share of the radius by which the two half axes of a circle may differ, which is the rounding of
+its placement.
+"""
 REQUIRED_ATTRIBUTES = {
     "LINE": ("start", "end"), "CIRCLE": ("center", "radius"), "ARC": ("center", "radius", "start_angle", "end_angle"),
     "ELLIPSE": ("center", "major_axis", "ratio"),
@@ -186,14 +213,21 @@ class StrokeMaker:
         return entity.dxftype() in self._kinds
 
     def strokes(self, entity: Any, placement: Placement | None = None) -> list[Chain]:
-        """Return the chains of an entity: one as a rule, none without length, several where a spline has gaps.
+        """Return the chains of an entity: one as a rule, none without length, several where a
+        spline has gaps.
 
-        placement: map to the drawing's coordinates, for an entity of a block. Raises MotionError for a bad entity.
+        placement: map to the drawing's coordinates, for an entity of a block. Raises MotionError
+        for a bad entity.
         """
-        if missing := [name for name in REQUIRED_ATTRIBUTES.get(entity.dxftype(), ()) if not entity.dxf.hasattr(name)]:
+        if missing := [
+            name
+            for name in REQUIRED_ATTRIBUTES.get(entity.dxftype(), ())
+            if not entity.dxf.hasattr(name)
+        ]:
             raise MotionError(f"it states no {missing[0]}")
         self.flattened += any(
-            entity.dxf.hasattr(name) and entity.dxf.get(name) for name in ("thickness", "const_width")
+            entity.dxf.hasattr(name) and entity.dxf.get(name)
+            for name in ("thickness", "const_width")
         )
         self._placement = placement
         chains: list[list[Stroke]] = []
@@ -237,13 +271,17 @@ class StrokeMaker:
         ux, uy, _ = _coordinate_axes(ocs)
         centre, radius = self._point(ocs.to_wcs(entity.dxf.center)), entity.dxf.radius
         if not 0 <= radius * self.metres <= MAX_SIZE:
-            raise MotionError(f"radius {radius:g} must not be negative, and be less than {MAX_SIZE:g} m")
+            raise MotionError(
+                f"radius {radius:g} must not be negative, and be less than {MAX_SIZE:g} m"
+            )
         full = entity.dxftype() == "CIRCLE"
         first, last = (0.0, 360.0) if full else (entity.dxf.start_angle, entity.dxf.end_angle)
         if not (isfinite(first) and isfinite(last)):
             raise MotionError(f"angles {first:g} and {last:g} must be finite")
         axes = self._direction(radius * ux), self._direction(radius * uy)
-        yield from self._conic(centre, axes, radians(first), swept_angle(radians(first), radians(last)))
+        yield from self._conic(
+            centre, axes, radians(first), swept_angle(radians(first), radians(last))
+        )
 
     def _light(self, entity: Any) -> Iterator[Stroke]:
         rows = entity.get_points("xyseb")
@@ -252,8 +290,13 @@ class StrokeMaker:
         yield from self._draw_sides(entity, points, entity.dxf.elevation, bool(entity.closed))
 
     def _heavy(self, entity: Any) -> Iterator[Stroke]:
-        """Draw a POLYLINE in a plane or in space. Of a smoothed one the vertices that the smoothing made count."""
-        rows = [vertex.dxf for vertex in entity.vertices if not vertex.dxf.flags & 16]  # control frame
+        """Draw a POLYLINE in a plane or in space.
+
+        Of a smoothed one the vertices that the smoothing made count.
+        """
+        rows = [
+            vertex.dxf for vertex in entity.vertices if not vertex.dxf.flags & 16
+        ]  # control frame
         if entity.is_3d_polyline:
             places = [self._point(row.location) for row in rows]
             for start, end in _pair_sides(places, bool(entity.is_closed)):
@@ -269,8 +312,9 @@ class StrokeMaker:
     ) -> Iterator[Stroke]:
         """Draw the sides of a polyline.
 
-        A bulge b is the tangent of a quarter of the angle of an arc over the side. The centre lies (1 − b²)/(4 b) of
-        the side away from its middle, on its left where 0 < b < 1. The arc rises b/2 of the side above it.
+        A bulge b is the tangent of a quarter of the angle of an arc over the side. The centre lies
+        (1 − b²)/(4 b) of the side away from its middle, on its left where 0 < b < 1. The arc rises
+        b/2 of the side above it.
         """
         ocs = _object_coordinates(entity)
         normal = _coordinate_axes(ocs)[2]
@@ -311,7 +355,9 @@ class StrokeMaker:
         major = self._direction(long_axis)
         minor = self._direction(cross_product(normal, long_axis) * ratio)
         if not 0 < abs(ratio) <= 1 or not np.linalg.norm(major) > MIN_MOVE:
-            raise MotionError(f"axes of {entity.dxf.major_axis.magnitude:g} and {ratio:g} of that make no ellipse")
+            raise MotionError(
+                f"axes of {entity.dxf.major_axis.magnitude:g} and {ratio:g} of that make no ellipse"
+            )
         low, high = entity.dxf.get("start_param", 0.0), entity.dxf.get("end_param", tau)
         if not (isfinite(low) and isfinite(high)):
             raise MotionError(f"parameters {low:g} and {high:g} must be finite")
@@ -325,7 +371,8 @@ class StrokeMaker:
         turn: float,
         ends: tuple[Array, Array] | None = None,
     ) -> Iterator[Stroke]:
-        """Draw c + u cos t + v sin t for t from `first` to `first` + `turn`: an arc if u and v span a circle.
+        """Draw c + u cos t + v sin t for t from `first` to `first` + `turn`: an arc if u and v span
+        a circle.
 
         axes  u and v, conjugate half axes of an ellipse (3,), m
         ends  first and last point, where they are known more exactly than by the formula
@@ -360,12 +407,22 @@ class StrokeMaker:
         yield self._fit_curve(trace, first, first + abs(turn))
 
     def _spline(self, entity: Any) -> Iterator[Stroke]:
-        """Draw a B-spline, rational or not, in parts where it has a corner or a gap; straight where its degree is 1."""
+        """Draw a B-spline, rational or not, in parts where it has a corner or a gap; straight where
+        its degree is 1.
+        """
         tool = entity.construction_tool()
         degree = tool.degree
-        knots, weights = np.array(tool.knots(), float), np.array(tool.weights() or [1.0] * tool.count, float)
+        knots, weights = (
+            np.array(tool.knots(), float),
+            np.array(tool.weights() or [1.0] * tool.count, float),
+        )
         points = np.array([self._point(point) for point in tool.control_points])
-        if not (np.isfinite(knots).all() and (np.diff(knots) >= 0).all() and (weights > 0).all() and degree >= 1):
+        if not (
+            np.isfinite(knots).all()
+            and (np.diff(knots) >= 0).all()
+            and (weights > 0).all()
+            and degree >= 1
+        ):
             raise MotionError("its knots must rise, and its weights be positive and finite")
         weighted = np.column_stack([points * weights[:, None], weights])
         for part_knots, part in split_b_spline(_merge_knots(knots), weighted, degree):
@@ -386,7 +443,9 @@ class StrokeMaker:
 
 
 def _rational_curve(knots: Array, weighted: Array, degree: int) -> Curve:
-    """Return the curve of a rational B-spline from control points times their weights, and the weights (n, 4)."""
+    """Return the curve of a rational B-spline from control points times their weights, and the
+    weights (n, 4).
+    """
     from scipy.interpolate import BSpline
 
     whole = BSpline(knots, weighted, degree)

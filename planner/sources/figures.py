@@ -1,4 +1,6 @@
-"""Figures of programs and lists of positions, as their files state them; `planner.figures` loads it."""
+"""Figures of programs and lists of positions, as their files state them; `planner.figures` loads
+it.
+"""
 
 from itertools import pairwise
 from typing import cast
@@ -41,7 +43,9 @@ def program_path(outline: Outline, ax: Axes | None = None, title: str = "") -> A
         cast(Axes3D, ax).add_collection3d(drawn)
     if strokes:
         start = strokes[0][0]
-        ax.plot(*start[:, None], "o", markersize=9, markerfacecolor="none", color="black", label="start")
+        ax.plot(
+            *start[:, None], "o", markersize=9, markerfacecolor="none", color="black", label="start"
+        )
         if len(strokes) <= MAX_MARKED_SEGMENTS:
             ends = np.array([stroke[-1] for stroke in strokes])
             ax.plot(*ends.T, ".", color="black", markersize=4, label="ends of segments")
@@ -49,12 +53,20 @@ def program_path(outline: Outline, ax: Axes | None = None, title: str = "") -> A
     for place, k in enumerate(shown):
         half = max(extent[k], extent.max() / 10, 1e-6) * 0.55e3
         middle = 0.5e3 * (outline.low[k] + outline.high[k])
-        ax.set(**{f"{'xyz'[place]}lim": (middle - half, middle + half), f"{'xyz'[place]}label": f"{'xyz'[k]} (mm)"})
+        ax.set(
+            **{
+                f"{'xyz'[place]}lim": (middle - half, middle + half),
+                f"{'xyz'[place]}label": f"{'xyz'[k]} (mm)",
+            }
+        )
     if thin:
         ax.set_aspect("equal")
     else:
         label_space(cast(Axes3D, ax))
-    ax.set_title(literal_label(title) or f"{count_noun(len(strokes), 'segment')}, {1e3 * outline.length:.6g} mm")
+    ax.set_title(
+        literal_label(title)
+        or f"{count_noun(len(strokes), 'segment')}, {1e3 * outline.length:.6g} mm"
+    )
     root = ax.get_figure(root=True)
     if root is not None and len(strokes) > 1:
         root.colorbar(drawn, ax=ax, label="segment", shrink=0.7, pad=0.1 if not thin else 0.02)
@@ -64,18 +76,29 @@ def program_path(outline: Outline, ax: Axes | None = None, title: str = "") -> A
 def listed_positions(points: Array, ax: Axes | None = None, title: str = "") -> Axes:
     """Positions (N, 3) in m, joined in their order by straight lines."""
     strokes = tuple(np.stack([a, b]) for a, b in pairwise(points))
-    low, high = (of(points, axis=0, initial=0.0) if not len(points) else of(points, axis=0) for of in (np.min, np.max))
+    low, high = (
+        of(points, axis=0, initial=0.0) if not len(points) else of(points, axis=0)
+        for of in (np.min, np.max)
+    )
     length = sum(float(np.linalg.norm(b - a)) for a, b in strokes)
     return program_path(Outline(strokes, low, high, length), ax, title)
 
 
-def arm_lengths(lengths: Array, turned: np.ndarray, ax: Axes | None = None, title: str = "") -> Axes:
+def arm_lengths(
+    lengths: Array, turned: np.ndarray, ax: Axes | None = None, title: str = ""
+) -> Axes:
     """Lengths (N, 3) in m of three arms from pose to pose; those of turned poses marked."""
     ax = new_axes(ax, (7.5, 4.5))
     pose = np.arange(1, len(lengths) + 1)
     for k, length in enumerate(1e3 * lengths.T):
         ax.plot(pose, length, ".-", label=f"arm{k + 1}")
-        ax.plot(pose[turned], length[turned], "o", markerfacecolor="none", color=ax.lines[-1].get_color())
+        ax.plot(
+            pose[turned],
+            length[turned],
+            "o",
+            markerfacecolor="none",
+            color=ax.lines[-1].get_color(),
+        )
     if turned.any():
         ax.plot([], [], "o", markerfacecolor="none", color="black", label="rotated: simulated only")
     ax.set(xlabel="pose", ylabel="length (mm)")
@@ -105,4 +128,6 @@ def list_of_positions(listed: PositionList, ax: Axes | None = None) -> Axes:
 @draws(ArmSimulation)
 def simulated_arms(simulation: ArmSimulation, ax: Axes | None = None) -> Axes:
     """The arms' lengths from pose to pose; turned ones shaded."""
-    return arm_lengths(simulation.lengths, simulation.turned, ax, f"arm lengths of {simulation.machine}")
+    return arm_lengths(
+        simulation.lengths, simulation.turned, ax, f"arm lengths of {simulation.machine}"
+    )

@@ -1,4 +1,5 @@
-"""G-code, a subset of RS-274: lines, arcs, canned cycles, modes, origins, feeds, joins, expressions and subprograms.
+"""G-code, a subset of RS-274: lines, arcs, canned cycles, modes, origins, feeds, joins, expressions
+and subprograms.
 
 | words | meaning here |
 |---|---|
@@ -33,14 +34,16 @@
 | M2 M30 % | the end: the lines after it run only where they are called |
 | N ( … ) ; | numbers of lines, and comments |
 
-A file of joint axes, as the export g93 writes it, says so in its header: its positions come from forward kinematics of
-the option `machine`, and without that it is refused (planner.sources.rs274.joints).
+A file of joint axes, as the export g93 writes it, says so in its header: its positions come from
+forward kinematics of the option `machine`, and without that it is refused
+(planner.sources.rs274.joints).
 
-Other words of spindle and tool (S T M19 G97) are skipped with a warning that counts them and names their lines; with
-the option `strict` these and M3 to M9 are refused. Everything else is a fault with its line and column. Further words
-named in the option `ignore` are skipped too if the path stays as it is without them. Their arguments go with them: of
-M0 to M9, M19 and M60 the numbers that are no coordinates, of other M words all words after them, up to the next G or M.
-Blanks mean nothing, not even within a number. F is a cap: the machine is as fast as it can under it. Rounded
+Other words of spindle and tool (S T M19 G97) are skipped with a warning that counts them and names
+their lines; with the option `strict` these and M3 to M9 are refused. Everything else is a fault
+with its line and column. Further words named in the option `ignore` are skipped too if the path
+stays as it is without them. Their arguments go with them: of M0 to M9, M19 and M60 the numbers that
+are no coordinates, of other M words all words after them, up to the next G or M. Blanks mean
+nothing, not even within a number. F is a cap: the machine is as fast as it can under it. Rounded
 coordinates make small corners where curves were smooth, at which G61 stops: G64 P passes them.
 """
 
@@ -68,35 +71,57 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Gcode:
-    """G-code (RS-274): lines, arcs, canned cycles and subprograms; other words are refused with line and column."""
+    """G-code (RS-274): lines, arcs, canned cycles and subprograms; other words are refused with
+    line and column.
+    """
 
     suffixes: ClassVar[tuple[str, ...]] = (".ngc", ".nc", ".gcode", ".tap", ".cnc")
     join: Literal["through", "stop"] = option(
-        "through", "joins until G61, G61.1 or G64: through passes smooth joins, stop rests. Default through"
+        "through",
+        "joins until G61, G61.1 or G64: through passes smooth joins, stop rests. Default through",
     )
-    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m", like="0.05 mm")
+    blend: float | None = option(
+        None, 'round joins within this tolerance instead, as "0.05 mm"', "m", like="0.05 mm"
+    )
     fit: float | None = option(
         None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m", like="0.02 mm"
     )
     rapid: float | None = option(None, "limit of the tool speed on G0. Default: none", "m/s")
-    feed: float | None = option(None, "limit of the tool speed before the first F. Default: F is required", "m/s")
+    feed: float | None = option(
+        None, "limit of the tool speed before the first F. Default: F is required", "m/s"
+    )
     length: Literal["mm", "in"] = option("mm", "unit before G20 or G21. Default mm")
     arc_tolerance: float | None = option(
-        None, "largest difference of an arc's radii at its ends. Default: that of rounded coordinates", "m"
+        None,
+        "largest difference of an arc's radii at its ends. Default: that of rounded coordinates",
+        "m",
     )
     block_delete: Literal["skip", "run"] | None = option(
         None, "skip or run blocks that begin with /. Default: refuse them"
     )
     dwell: Literal["s", "ms"] = option("s", "unit of P of G4. Default s")
     origin: str | None = option(
-        None, 'position of the file\'s zero from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
+        None,
+        'position of the file\'s zero from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home',
     )
-    ignore: str | None = option(None, 'further words to skip with their arguments, as "M48 M205 G43"')
-    strict: bool = option(False, "refuse spindle, coolant and tool words instead of marking or skipping them")
-    machine: str | None = option(None, "for a file of joint axes, as written by the export g93: the machine it is for")
+    ignore: str | None = option(
+        None, 'further words to skip with their arguments, as "M48 M205 G43"'
+    )
+    strict: bool = option(
+        False, "refuse spindle, coolant and tool words instead of marking or skipping them"
+    )
+    machine: str | None = option(
+        None, "for a file of joint axes, as written by the export g93: the machine it is for"
+    )
 
     def __post_init__(self) -> None:
-        for name, unit in (("blend", "m"), ("fit", "m"), ("rapid", "m/s"), ("feed", "m/s"), ("arc_tolerance", "m")):
+        for name, unit in (
+            ("blend", "m"),
+            ("fit", "m"),
+            ("rapid", "m/s"),
+            ("feed", "m/s"),
+            ("arc_tolerance", "m"),
+        ):
             check_positive("gcode", name, getattr(self, name), unit)
         for word in self.ignored_words:
             if not is_ignorable(word):
@@ -119,12 +144,15 @@ class Gcode:
     def read(self, path: Path) -> Imported:
         """Return the program of a G-code file.
 
-        Raises FileError with its faults, each with its line and column, and for more segments than a program holds.
+        Raises FileError with its faults, each with its line and column, and for more segments than
+        a program holds.
         """
         return self._read(path, hold=True)
 
     def stream(self, path: Path) -> Imported:
-        """Return the program with segments that are read anew whenever they are asked for; all of it is checked."""
+        """Return the program with segments that are read anew whenever they are asked for; all of
+        it is checked.
+        """
         return self._read(path, hold=False)
 
     def _read(self, path: Path, hold: bool) -> Imported:
@@ -132,10 +160,18 @@ class Gcode:
         text = decode_text(path)
         header = find_header(text)
         if header is not None:
-            refuse_options([name for name in ("rapid", "feed", "origin", "ignore") if getattr(self, name) is not None])
+            refuse_options(
+                [
+                    name
+                    for name in ("rapid", "feed", "origin", "ignore")
+                    if getattr(self, name) is not None
+                ]
+            )
             return read_joints(path, text, header, self.machine, self.first_join, faults)
         if self.machine is not None:
-            raise MotionError(f"gcode: machine is for files of joint axes, which {path.name} is not by its header")
+            raise MotionError(
+                f"gcode: machine is for files of joint axes, which {path.name} is not by its header"
+            )
         run = self._run(faults)
         segments: Sequence[Segment]
         if hold:
@@ -152,8 +188,12 @@ class Gcode:
             faults.add("nothing moves: no G0, G1, G2 or G3 moves the tool")
         faults.refuse()
         after = run.count_unread(text)
-        program = Program(segments, "home", name=path.stem, work=self._work, join_word=run.join_word)
-        return Imported(program, dict(sorted(run.entities.items())), run.warnings(after), frozenset(run.turned))
+        program = Program(
+            segments, "home", name=path.stem, work=self._work, join_word=run.join_word
+        )
+        return Imported(
+            program, dict(sorted(run.entities.items())), run.warnings(after), frozenset(run.turned)
+        )
 
     def _run(self, faults: Faults) -> GcodeRun:
         return GcodeRun(self, self._work, faults)

@@ -13,7 +13,16 @@ from planner.path.arc_length import measure_length
 from planner.path.curve import curve
 from planner.path.shape import Piece
 from planner.path.spline import sample_splines
-from planner.program.model import Arc, Curve, Line, Program, Segment, SegmentStream, Spline, Synchronised
+from planner.program.model import (
+    Arc,
+    Curve,
+    Line,
+    Program,
+    Segment,
+    SegmentStream,
+    Spline,
+    Synchronised,
+)
 
 ARC_STEP = pi / 48
 """rad between two points of an arc: the chord is off by 5e-4 of the radius."""
@@ -33,9 +42,10 @@ _PLACES, _WEIGHTS = zip(*(np.polynomial.legendre.leggauss(count) for count in (8
 class Outline:
     """The tool's way in the program's coordinates, m.
 
-    strokes  the points (N, 3) of each segment that moves the tool, the first where the one before it ends; of a long
-             stream those of several segments
-    low, high  (3,) corners of the box around all of it: of lines, arcs and helices exact, of curves that of the points
+    strokes  the points (N, 3) of each segment that moves the tool, the first where the one before
+             it ends; of a long stream those of several segments
+    low, high  (3,) corners of the box around all of it: of lines, arcs and helices exact, of curves
+               that of the points
     length   m of the way: of curves by quadrature
     """
 
@@ -97,7 +107,9 @@ class Outliner:
         """Make one stroke of the segments that share one."""
         if self._shared:
             first, *others = self._shared
-            self._strokes.append(np.concatenate([first, *(stroke[1:] for stroke in others)]) if others else first)
+            self._strokes.append(
+                np.concatenate([first, *(stroke[1:] for stroke in others)]) if others else first
+            )
             self._shared = []
 
     def finish(self) -> Outline:
@@ -116,11 +128,15 @@ class Outliner:
         if strokes:
             every = np.concatenate(strokes)
             low, high = np.minimum(low, every.min(0)), np.maximum(high, every.max(0))
-        return Outline(tuple(map(freeze_array, strokes)), freeze_array(low), freeze_array(high), self._length)
+        return Outline(
+            tuple(map(freeze_array, strokes)), freeze_array(low), freeze_array(high), self._length
+        )
 
 
 def _start(program: Program) -> Array:
-    """Programs in the base frame that state no start begin where the machine stands, which is not known here."""
+    """Programs in the base frame that state no start begin where the machine stands, which is not
+    known here.
+    """
     if program.start is not None:
         return np.array(program.start.translation)
     first = program.segments[0]
@@ -142,14 +158,17 @@ def _stroke(segment: Segment, here: Array) -> tuple[Array | None, float]:
             frame = from_numbers(IDENTITY)
             pieces = curve(join_pose(here, frame.rotation), segment, frame, 0)
             s = [piece.length * np.linspace(0, 1, PIECE_POINTS) for piece in pieces]
-            points = np.concatenate([piece.poses(own)[:, :3] for piece, own in zip(pieces, s, strict=True)])
+            points = np.concatenate(
+                [piece.poses(own)[:, :3] for piece, own in zip(pieces, s, strict=True)]
+            )
             return points, sum(_length(piece) for piece in pieces)
         case _:
             return None, 0.0
 
 
 def _splines(corners: Array) -> tuple[Array, float]:
-    """Points (L, k, 3) of L splines through as many points (L, N+1, 3) each, and the length of them all.
+    """Points (L, k, 3) of L splines through as many points (L, N+1, 3) each, and the length of them
+    all.
 
     By Gauss and Legendre, in one part of every span where 8 places say what 16 do, else in PARTS.
     """
@@ -168,7 +187,9 @@ def _splines(corners: Array) -> tuple[Array, float]:
 
 
 def _length(piece: Piece) -> float:
-    return measure_length(lambda s: np.linalg.norm(piece.derivatives(s)[1][:, :3], axis=1), 0.0, piece.length).length
+    return measure_length(
+        lambda s: np.linalg.norm(piece.derivatives(s)[1][:, :3], axis=1), 0.0, piece.length
+    ).length
 
 
 def _arc(arc: Arc, here: Array) -> tuple[Array, float]:
@@ -187,5 +208,7 @@ def _arc(arc: Arc, here: Array) -> tuple[Array, float]:
     even = np.linspace(0.0, arc.angle, ceil(abs(arc.angle) / ARC_STEP) + 1)
     angle = np.unique(np.concatenate([even, extreme]))
     angle = angle if arc.angle > 0 else angle[::-1]
-    points = arc.centre + np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * v + angle[:, None] * rise
+    points = (
+        arc.centre + np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * v + angle[:, None] * rise
+    )
     return points, float(np.hypot(np.linalg.norm(u) * arc.angle, arc.rise))

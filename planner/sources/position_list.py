@@ -1,4 +1,5 @@
-"""Position lists: poses that an operator records one by one, to be run all, or from one to another; and their CSV.
+"""Position lists: poses that an operator records one by one, to be run all, or from one to another;
+and their CSV.
 
 A column for each of x, y, z and three angles, and for rests, its unit in the header:
 
@@ -7,8 +8,9 @@ A column for each of x, y, z and three angles, and for rests, its unit in the he
     x [mm], y [mm], z [mm], rx [deg], ry [deg], rz [deg], dwell [s]
     15, 0, 25, 0, 0, 0, 0.2
 
-Lines that begin with # come first, if at all, and say what angles mean and what coordinates are relative to. Columns
-may stand in any order and be left out, and are then 0; commas or semicolons part them, and decimals have points.
+Lines that begin with # come first, if at all, and say what angles mean and what coordinates are
+relative to. Columns may stand in any order and be left out, and are then 0; commas or semicolons
+part them, and decimals have points.
 """
 
 import csv
@@ -50,7 +52,8 @@ class PositionList(Result):
     """Poses, numbered from 1. Every method returns a new list.
 
     poses  (N, 6) x, y, z in m, θx, θy, θz in rad
-    order   how the angles combine;  frame  "home": coordinates are relative to the machine's home pose, or "base"
+    order   how the angles combine;  frame  "home": coordinates are relative to the machine's home
+            pose, or "base"
     dwells  (N,) s of rest at each pose; None: none
     Raises MotionError for what is no pose, and for a number that the list does not have.
     """
@@ -62,10 +65,18 @@ class PositionList(Result):
 
     def __post_init__(self) -> None:
         check_fields(self, "poses", "dwells")
-        poses = finite_array(self.poses, "position list: poses", (None, 6), least=-MAX_COORDINATE, most=MAX_COORDINATE)
+        poses = finite_array(
+            self.poses,
+            "position list: poses",
+            (None, 6),
+            least=-MAX_COORDINATE,
+            most=MAX_COORDINATE,
+        )
         object.__setattr__(self, "poses", freeze_array(poses))
         given = np.zeros(len(poses)) if self.dwells is None else self.dwells
-        dwells = finite_array(given, "position list: dwells", (len(poses),), least=0.0, most=MAX_DWELL, unit="s")
+        dwells = finite_array(
+            given, "position list: dwells", (len(poses),), least=0.0, most=MAX_DWELL, unit="s"
+        )
         object.__setattr__(self, "dwells", freeze_array(dwells))
 
     def __len__(self) -> int:
@@ -91,7 +102,10 @@ class PositionList(Result):
         columns = (
             Column("pose", range(1, len(self) + 1)),
             *(Column(name, self.poses[:, k], "m", "human") for k, name in enumerate("xyz")),
-            *(Column(f"θ{name}", self.poses[:, 3 + k], "rad", "human") for k, name in enumerate("xyz")),
+            *(
+                Column(f"θ{name}", self.poses[:, 3 + k], "rad", "human")
+                for k, name in enumerate("xyz")
+            ),
             *([Column("dwell", self.rests, "s", form="g")] if self.rests.any() else []),
         )
         return (Table(f"{count_noun(len(self), 'pose')} from {self.frame}, {meaning}", columns),)
@@ -103,7 +117,9 @@ class PositionList(Result):
 
     @check_arguments()
     def insert(self, number: int, pose: ArrayLike, dwell: float = 0.0) -> "PositionList":
-        """With a pose that gets a number, and s of rest there; what had it, and all after that, move up by one."""
+        """With a pose that gets a number, and s of rest there; what had it, and all after that,
+        move up by one.
+        """
         if number != len(self) + 1:
             self._check_number(number)
         return self._insert(number - 1, pose, dwell)
@@ -113,21 +129,31 @@ class PositionList(Result):
         """Without one pose, or those from one to another; what comes after moves down."""
         self._check_range(first, first if last is None else last)
         gone = slice(first - 1, last or first)
-        return replace(self, poses=np.delete(self.poses, gone, axis=0), dwells=np.delete(self.rests, gone))
+        return replace(
+            self, poses=np.delete(self.poses, gone, axis=0), dwells=np.delete(self.rests, gone)
+        )
 
     @check_arguments()
     def part(self, first: int | None = None, last: int | None = None) -> "PositionList":
         """Those from one number to another, both included; None: from the first, to the last."""
         first, last = 1 if first is None else first, len(self) if last is None else last
         self._check_range(first, last)
-        return replace(self, poses=self.poses[first - 1 : last], dwells=self.rests[first - 1 : last])
+        return replace(
+            self, poses=self.poses[first - 1 : last], dwells=self.rests[first - 1 : last]
+        )
 
     def _insert(self, place: int, pose: ArrayLike, dwell: float) -> "PositionList":
         one = finite_array(
-            pose, "position list: a pose (x, y, z, θx, θy, θz)", (6,), least=-MAX_COORDINATE, most=MAX_COORDINATE
+            pose,
+            "position list: a pose (x, y, z, θx, θy, θz)",
+            (6,),
+            least=-MAX_COORDINATE,
+            most=MAX_COORDINATE,
         )
         return replace(
-            self, poses=np.insert(self.poses, place, one, axis=0), dwells=np.insert(self.rests, place, dwell)
+            self,
+            poses=np.insert(self.poses, place, one, axis=0),
+            dwells=np.insert(self.rests, place, dwell),
         )
 
     def _check_number(self, number: int) -> None:
@@ -158,19 +184,25 @@ _COLUMN = re.compile(r"\s*([^\s\[(]+)\s*(?:[\[(]\s*([^\])]+?)\s*[\])])?\s*")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 
 
-def read_csv(path: Path, text: str, length: str | None, angle: str | None) -> tuple[PositionList, list[str]]:
+def read_csv(
+    path: Path, text: str, length: str | None, angle: str | None
+) -> tuple[PositionList, list[str]]:
     """The list, and what to know of it. length, angle: units of columns that state none.
 
     Raises FileError with all faults, each with its line.
     """
     faults, heads = Faults(str(path)), {"rotation": "xyz", "frame": "home"}
     lines = text.split("\n")
-    begin = next((k for k, line in enumerate(lines) if not line.startswith("#") and line.strip()), len(lines))
+    begin = next(
+        (k for k, line in enumerate(lines) if not line.startswith("#") and line.strip()), len(lines)
+    )
     for number, line in enumerate(lines[:begin], 1):
         if line.strip():
             _head(number, line, heads, faults)
     if begin == len(lines):
-        faults.add('no header; the first line names the columns and their units, as "x [mm], y [mm], z [mm]"')
+        faults.add(
+            'no header; the first line names the columns and their units, as "x [mm], y [mm], z [mm]"'
+        )
         faults.refuse()
     delimiter = ";" if ";" in lines[begin] else ","
     columns = _columns(begin + 1, lines[begin].split(delimiter), length, angle, faults)
@@ -187,7 +219,9 @@ def read_csv(path: Path, text: str, length: str | None, angle: str | None) -> tu
     if not poses and not faults:
         faults.add("no pose: a header, and nothing below it")
     faults.refuse()
-    missing = [name for name in ("x", "y", "z") if COLUMNS[name] not in {place for place, _ in columns}]
+    missing = [
+        name for name in ("x", "y", "z") if COLUMNS[name] not in {place for place, _ in columns}
+    ]
     told = [f"no column {name}: 0 was taken" for name in missing]
     rows = np.array(poses)
     order, frame = heads["rotation"], heads["frame"]
@@ -197,7 +231,9 @@ def read_csv(path: Path, text: str, length: str | None, angle: str | None) -> tu
 def _head(number: int, line: str, heads: dict[str, str], faults: Faults) -> None:
     found = _HEAD.fullmatch(line)
     if found is None or found[1] not in HEAD_VALUES or found[2] not in HEAD_VALUES[found[1]]:
-        known = " or ".join(f'"# {name} = {value}"' for name, values in HEAD_VALUES.items() for value in values)
+        known = " or ".join(
+            f'"# {name} = {value}"' for name, values in HEAD_VALUES.items() for value in values
+        )
         faults.add(f"{describe_value(line)}: what may stand before the header is {known}", number)
     else:
         heads[found[1]] = found[2]
@@ -209,14 +245,19 @@ def _columns(
     """Place in a pose and SI value of the unit, column by column."""
     columns: list[tuple[int, float]] = []
     if all(_NUMBER.fullmatch(cell.strip()) for cell in names):
-        faults.add('no header: the first line names the columns and their units, as "x [mm], y [mm], z [mm]"', number)
+        faults.add(
+            'no header: the first line names the columns and their units, as "x [mm], y [mm], z [mm]"',
+            number,
+        )
         return columns
     for cell in names:
         found = _COLUMN.fullmatch(cell)
         name = found[1].lower() if found else ""
         if found is None or name not in COLUMNS:
             known = ", ".join(COLUMNS)
-            told = f"column {describe_value(cell.strip())}{nearest(name, COLUMNS)}; known are {known}"
+            told = (
+                f"column {describe_value(cell.strip())}{nearest(name, COLUMNS)}; known are {known}"
+            )
             no = BadValue(told, allowed=known, nearest=closest(name, COLUMNS))
             faults.add(no, number, value=cell.strip())
             continue
@@ -226,7 +267,9 @@ def _columns(
             faults.add(f"column {name} appears twice", number)
         elif unit is None:
             like = {"m": f"{name} [mm]", "rad": f"{name} [deg]", "s": f"{name} [s]"}[UNITS[place]]
-            option = {"m": ", or give the option length", "rad": ", or give the option angle"}.get(UNITS[place], "")
+            option = {"m": ", or give the option length", "rad": ", or give the option angle"}.get(
+                UNITS[place], ""
+            )
             faults.add(f'column {name} has no unit: write it as "{like}"{option}', number)
         else:
             with faults.collect(number, f"column {name}", cell.strip()):
@@ -234,10 +277,14 @@ def _columns(
     return columns
 
 
-def _row(number: int, cells: list[str], columns: list[tuple[int, float]], faults: Faults) -> list[float]:
+def _row(
+    number: int, cells: list[str], columns: list[tuple[int, float]], faults: Faults
+) -> list[float]:
     pose = [0.0] * len(NAMES)
     if len(cells) != len(columns):
-        faults.add(f"{count_noun(len(cells), 'entry')} for {count_noun(len(columns), 'column')}", number)
+        faults.add(
+            f"{count_noun(len(cells), 'entry')} for {count_noun(len(columns), 'column')}", number
+        )
         return pose
     for cell, (place, unit) in zip(cells, columns, strict=True):
         text = cell.strip()
@@ -247,7 +294,10 @@ def _row(number: int, cells: list[str], columns: list[tuple[int, float]], faults
         elif not abs(float(text) * unit) <= MAX_COORDINATE:
             allowed = f"at most {MAX_COORDINATE / unit:g} of its unit either way"
             faults.add(
-                BadValue(f"{describe_value(text)} must be {allowed}", allowed=allowed), number, f"column {name}", text
+                BadValue(f"{describe_value(text)} must be {allowed}", allowed=allowed),
+                number,
+                f"column {name}",
+                text,
             )
         elif place == DWELL_INDEX and float(text) < 0:
             faults.add(
@@ -271,7 +321,10 @@ def positions_csv(listed: PositionList) -> str:
     heads = [*(f"{name} [mm]" for name in "xyz"), *(f"r{name} [deg]" for name in "xyz")]
     lines.append(",".join([*heads, "dwell [s]"] if rests else heads))
     for pose, rest in zip(listed.poses.tolist(), listed.rests.tolist(), strict=True):
-        cells = [*(format_decimal(value, 3) for value in pose[:3]), *(repr(degrees(a)) for a in pose[3:])]
+        cells = [
+            *(format_decimal(value, 3) for value in pose[:3]),
+            *(repr(degrees(a)) for a in pose[3:]),
+        ]
         lines.append(",".join([*cells, repr(rest)] if rests else cells))
     return "\n".join(lines) + "\n"
 

@@ -1,16 +1,17 @@
 """Programs from position lists: CSV files with units, and both files of [KMITL 2005].
 
-The default is the time-optimal program through the same poses: straight from each to the next, and the orientation by
-the shortest way. The option `rule` takes the stepping of [KMITL 2005] instead: unit steps, rotation dropped where there
-is translation, 1° steps where there is none. `tool` is the source's offset of the tool's centre, for machines that do
-not have it in their own file: coordinates and rotations are those of the tool then. It rests at a pose where the file's
-column `dwell` says so, or at all of them by the option of that name. A list in the frame "home" is run from the home
-pose, one in "base" from its own first pose, as the source has it. Options and commands say a pose by three
-lengths, and three angles after that where it is turned.
+The default is the time-optimal program through the same poses: straight from each to the next, and
+the orientation by the shortest way. The option `rule` takes the stepping of [KMITL 2005] instead:
+unit steps, rotation dropped where there is translation, 1° steps where there is none. `tool` is the
+source's offset of the tool's centre, for machines that do not have it in their own file:
+coordinates and rotations are those of the tool then. It rests at a pose where the file's column
+`dwell` says so, or at all of them by the option of that name. A list in the frame "home" is run
+from the home pose, one in "base" from its own first pose, as the source has it. Options and
+commands say a pose by three lengths, and three angles after that where it is turned.
 
-The position list and the list of arm lengths of [KMITL 2005] are read independently of what writes them
-(planner.export.formats.kmitl): by the keys that the source prints, in any order, with underscores or blanks before them
-as its own two writers differ in that.
+The position list and the list of arm lengths of [KMITL 2005] are read independently of what writes
+them (planner.export.formats.kmitl): by the keys that the source prints, in any order, with
+underscores or blanks before them as its own two writers differ in that.
 """
 
 import re
@@ -45,9 +46,13 @@ FIRST_NUMBER = 10_001
 LENGTH_TOLERANCE = 1e-9
 """m by which arms may miss their lengths."""
 POSE_KEYS = ("cex", "cey", "cez", "rx", "ry", "rz")
-"""What makes a pose: the end point, and the angles; the plate's centre and joints follow from them."""
+"""What makes a pose: the end point, and the angles; the plate's centre and joints follow from
+them.
+"""
 _VALUE = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d{1,2})?)\s*"
-_POLAR = re.compile(rf"Polar(\d{{1,4}})[\s_]*(ce?[xyz]|r[xyz]|move?\([123]\)[xyz])\s{_VALUE}", re.ASCII)
+_POLAR = re.compile(
+    rf"Polar(\d{{1,4}})[\s_]*(ce?[xyz]|r[xyz]|move?\([123]\)[xyz])\s{_VALUE}", re.ASCII
+)
 _ARM = re.compile(rf"PointL([123])_(\d{{5}}){_VALUE}", re.ASCII)
 
 
@@ -93,7 +98,9 @@ def read_kmitl(path: Path, text: str, unit: float, machine: str) -> PositionList
 
 
 def _positions(text: str, unit: float, three: Tripod, faults: Faults) -> PositionList:
-    """Positions in the machine's base frame, R = Ry · Rz · Rx; the file counts z from the end point's at home (ZOS)."""
+    """Positions in the machine's base frame, R = Ry · Rz · Rx; the file counts z from the end
+    point's at home (ZOS).
+    """
     poses: dict[int, dict[str, float]] = {}
     begins: dict[int, int] = {}
     for number, line in enumerate(text.split("\n"), 1):
@@ -101,7 +108,9 @@ def _positions(text: str, unit: float, three: Tripod, faults: Faults) -> Positio
         if found is None:
             if line.strip():
                 example = '"Polar1_____cex 15.0000"'
-                faults.add(f"{describe_value(line)}: not a line of a position list, as {example}", number)
+                faults.add(
+                    f"{describe_value(line)}: not a line of a position list, as {example}", number
+                )
             continue
         begins.setdefault(int(found[1]), number)
         pose = poses.setdefault(int(found[1]), {})
@@ -132,18 +141,24 @@ def _arms(text: str, unit: float, three: Tripod, faults: Faults) -> PositionList
         found = _ARM.fullmatch(line.strip())
         nth = FIRST_NUMBER + len(lengths) - bool(arm)
         if found is None or (int(found[1]), int(found[2])) != (arm + 1, nth):
-            faults.add(f'{describe_value(line)}: expected "PointL{arm + 1}_{nth}" and a length', number)
+            faults.add(
+                f'{describe_value(line)}: expected "PointL{arm + 1}_{nth}" and a length', number
+            )
             break  # what follows has lost count
         if arm == 0:
             lengths.append([])
         lengths[-1].append(float(found[3]) * unit)
         arm = (arm + 1) % 3
     if arm and not faults:
-        faults.add(f"point {FIRST_NUMBER + len(lengths) - 1} has {arm} lengths of 3: the file ends too early")
+        faults.add(
+            f"point {FIRST_NUMBER + len(lengths) - 1} has {arm} lengths of 3: the file ends too early"
+        )
     faults.refuse()
     found_poses = three.forward(np.array(lengths))
     for k in np.flatnonzero((found_poses.residual > LENGTH_TOLERANCE) | ~found_poses.certified):
-        faults.add(f"point {FIRST_NUMBER + k}: {three.name} has no pose connected to home with arms of these lengths")
+        faults.add(
+            f"point {FIRST_NUMBER + k}: {three.name} has no pose connected to home with arms of these lengths"
+        )
     faults.refuse()
     angles = np.zeros((len(lengths), 3))  # the plate keeps its orientation
     return PositionList(np.column_stack([found_poses.pose.translation, angles]), "yzx", "base")
@@ -153,18 +168,25 @@ UNITS = ("m", "m", "m", "rad", "rad", "rad")
 
 
 def read_six(text: str, what: str = "origin") -> list[float]:
-    """x, y, z (m), θx, θy, θz (rad, 0 where they are left out). Raises MotionError for anything else."""
+    """x, y, z (m), θx, θy, θz (rad, 0 where they are left out).
+
+    Raises MotionError for anything else.
+    """
     parts = text.split(",")
     if len(parts) not in (3, 6):
         raise MotionError(
             f'{what} "{text[:80]}": {len(parts)} entries; write x, y, z with units as "0 mm, 0 mm, 25 mm", and '
             "θx, θy, θz after them where it is turned"
         )
-    return [quantity(part, unit) for part, unit in zip(parts, UNITS, strict=False)] + [0.0] * (6 - len(parts))
+    return [quantity(part, unit) for part, unit in zip(parts, UNITS, strict=False)] + [0.0] * (
+        6 - len(parts)
+    )
 
 
 def read_frame(text: str) -> "Pose":
-    """The frame moved by x, y, z, then turned by θx, θy, θz about its moving axes in turn, Rx · Ry · Rz."""
+    """The frame moved by x, y, z, then turned by θx, θy, θz about its moving axes in turn, Rx · Ry
+    · Rz.
+    """
     values = read_six(text)
     return make_pose(values[:3], values[3:])
 
@@ -217,32 +239,39 @@ def _add_rest(segments: list[Segment], seconds: float) -> list[Segment]:
 def step_through(
     listed: PositionList, start: "Pose", unit: float, speed: float | None = None
 ) -> tuple[tuple[Segment, ...], list[str]]:
-    """As [KMITL 2005] steps: between two poses in equal steps of a unit (m) of the coordinate that changes most.
+    """As [KMITL 2005] steps: between two poses in equal steps of a unit (m) of the coordinate that
+    changes most.
 
-    Where there is any translation, the rotation is dropped: the tool keeps the angles that it has. Where there is none,
-    the three angles go in equal steps, 1° of the one that changes most, from those that the tool has; so a step turns
-    by R = Ry · Rz · Rx of its angles, if the list's order is that. It rests after each step.
+    Where there is any translation, the rotation is dropped: the tool keeps the angles that it has.
+    Where there is none, the three angles go in equal steps, 1° of the one that changes most, from
+    those that the tool has; so a step turns by R = Ry · Rz · Rx of its angles, if the list's order
+    is that. It rests after each step.
 
-    Differences to the source: where no whole number of steps leads to a pose a shorter one ends there (the source goes
-    on from the listed pose all the same, as it begins every move at the listed one, which no machine can jump to); the
-    largest change is one of magnitudes (the source takes that of x with its sign, so that moves along −x run astray).
+    Differences to the source: where no whole number of steps leads to a pose a shorter one ends
+    there (the source goes on from the listed pose all the same, as it begins every move at the
+    listed one, which no machine can jump to); the largest change is one of magnitudes (the source
+    takes that of x with its sign, so that moves along −x run astray).
     """
     steps, told = step_poses(listed, unit)
     segments = list(join_poses(steps.part(1, 1), start, Stop(), speed)[0])
     moves = np.any(np.diff(steps.poses[:, :3], axis=0) != 0, axis=1)
-    for pose, rotation, moved, rest in zip(steps.poses[1:], steps.rotations[1:], moves, steps.rests[1:], strict=True):
+    for pose, rotation, moved, rest in zip(
+        steps.poses[1:], steps.rotations[1:], moves, steps.rests[1:], strict=True
+    ):
         segments.append(Line(pose[:3], None, speed, Stop()) if moved else Turn(rotation, Stop()))
         segments += [Dwell(float(rest))] if rest > 0 else []
     return tuple(segments), told
 
 
 def step_poses(listed: PositionList, unit: float) -> tuple[PositionList, list[str]]:
-    """The poses that `step_through` goes through one after another, the first one of the list among them; what to
-    know."""
+    """The poses that `step_through` goes through one after another, the first one of the list among
+    them; what to know.
+    """
     if not (np.isfinite(unit) and unit > 0):
         raise MotionError(f"unit length {unit} m must be positive and finite")
     count = sum(
-        _count_steps(b[:3] - a[:3], unit) or _count_steps(b[3:] - a[3:], ANGLE_STEP) for a, b in pairwise(listed.poses)
+        _count_steps(b[:3] - a[:3], unit) or _count_steps(b[3:] - a[3:], ANGLE_STEP)
+        for a, b in pairwise(listed.poses)
     )
     if count > MAX_STEPS:
         raise MotionError(
@@ -250,20 +279,30 @@ def step_poses(listed: PositionList, unit: float) -> tuple[PositionList, list[st
         )
     angles, dropped = listed.poses[0, 3:], 0
     steps, rests = [listed.poses[0]], [float(listed.rests[0])]
-    for (before, after), rest in zip(pairwise(listed.poses), listed.rests[1:].tolist(), strict=True):
+    for (before, after), rest in zip(
+        pairwise(listed.poses), listed.rests[1:].tolist(), strict=True
+    ):
         way = after[:3] - before[:3]
         if abs(way).max() > MIN_MOVE:
             dropped += float(abs(after[3:] - angles).max()) > MIN_MOVE
-            some = [np.concatenate((before[:3] + share * way, angles)) for share in _step_shares(way, unit)]
+            some = [
+                np.concatenate((before[:3] + share * way, angles))
+                for share in _step_shares(way, unit)
+            ]
         else:
             turn = after[3:] - angles
-            some = [np.concatenate((after[:3], angles + share * turn)) for share in _step_shares(turn, ANGLE_STEP)]
+            some = [
+                np.concatenate((after[:3], angles + share * turn))
+                for share in _step_shares(turn, ANGLE_STEP)
+            ]
             angles = after[3:] if some else angles
         steps += some
         rests += [0.0] * len(some)
         rests[-1] += rest
     told = (
-        [f"{dropped} rotations combined with a translation were dropped, as the stepping rule requires"]
+        [
+            f"{dropped} rotations combined with a translation were dropped, as the stepping rule requires"
+        ]
         if dropped
         else []
     )
@@ -289,7 +328,9 @@ SOURCE_UNIT = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Positions:
-    """Position lists: CSV with units, and the position and arm-length files of the three-armed machine."""
+    """Position lists: CSV with units, and the position and arm-length files of the three-armed
+    machine.
+    """
 
     suffixes: ClassVar[tuple[str, ...]] = (".csv", ".txt")
     length: str | None = option(None, 'unit of columns x, y, z without a unit, as "mm"')
@@ -303,7 +344,8 @@ class Positions:
     first: int | None = option(None, "number of the first pose to run. Default 1")
     last: int | None = option(None, "number of the last pose to run. Default: the last in the list")
     rule: Literal["optimal", "kmitl"] = option(
-        "optimal", "optimal: straight lines between poses; kmitl: unit steps with a rest after each. Default optimal"
+        "optimal",
+        "optimal: straight lines between poses; kmitl: unit steps with a rest after each. Default optimal",
     )
     unit_length: float = option(
         SOURCE_UNIT, "length of one unit of the three-armed machine. Default 1 mm", "m", like="1 mm"
@@ -311,23 +353,39 @@ class Positions:
     join: Literal["through", "stop"] = option(
         "through", "joins of rule optimal: through passes smooth joins, stop rests. Default through"
     )
-    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m", like="0.05 mm")
+    blend: float | None = option(
+        None, 'round joins within this tolerance instead, as "0.05 mm"', "m", like="0.05 mm"
+    )
     fit: float | None = option(
         None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m", like="0.02 mm"
     )
     speed: float | None = option(None, "cap of the tool's speed. Default: none", "m/s")
     dwell: float | None = option(
-        None, 'dwell at every pose, as "0.2 s". Default: the file\'s column dwell', "s", like="0.2 s"
+        None,
+        'dwell at every pose, as "0.2 s". Default: the file\'s column dwell',
+        "s",
+        like="0.2 s",
     )
-    tool: str | None = option(None, "the tool's frame in the platform's, as \"0 mm, 0 mm, -50 mm\". Default: none")
+    tool: str | None = option(
+        None, "the tool's frame in the platform's, as \"0 mm, 0 mm, -50 mm\". Default: none"
+    )
     arms: str = option("tripod", "machine of a file of the three-armed machine. Default tripod")
 
     def __post_init__(self) -> None:
-        for name, unit in (("blend", "m"), ("fit", "m"), ("speed", "m/s"), ("unit_length", "m"), ("dwell", "s")):
+        for name, unit in (
+            ("blend", "m"),
+            ("fit", "m"),
+            ("speed", "m/s"),
+            ("unit_length", "m"),
+            ("dwell", "s"),
+        ):
             check_positive("positions", name, getattr(self, name), unit)
 
     def load(self, path: Path) -> tuple[PositionList, list[str]]:
-        """The list in a file, all of it, and what to know of it. Raises FileError with the faults of the file."""
+        """The list in a file, all of it, and what to know of it.
+
+        Raises FileError with the faults of the file.
+        """
         text = decode_text(path)
         if is_kmitl(text):
             return self._apply_options(read_kmitl(path, text, self.unit_length, self.arms)), []
@@ -336,7 +394,12 @@ class Positions:
 
     def _apply_options(self, listed: PositionList) -> PositionList:
         rests = listed.rests if self.dwell is None else np.full(len(listed), self.dwell)
-        return replace(listed, order=self.rotation or listed.order, frame=self.frame or listed.frame, dwells=rests)
+        return replace(
+            listed,
+            order=self.rotation or listed.order,
+            frame=self.frame or listed.frame,
+            dwells=rests,
+        )
 
     def read(self, path: Path) -> Imported:
         """The program through the poses of a list. Raises FileError with the faults of the file."""
@@ -353,6 +416,8 @@ class Positions:
             join = choose_join(self.join, self.blend, self.fit)
             segments, more = join_poses(run, start, join, self.speed)
         if not segments:
-            raise FileError(str(path), [Fault("", "nothing moves: all its poses equal the start", 1)])
+            raise FileError(
+                str(path), [Fault("", "nothing moves: all its poses equal the start", 1)]
+            )
         program = Program(segments, run.frame, first, name=path.stem, tool=tool)
         return Imported(program, {"poses": len(run)}, (*told, *more))

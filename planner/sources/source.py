@@ -1,7 +1,9 @@
-"""The plug point of the formats that programs come in: what a format says of itself, what it reads; and those by name.
+"""The plug point of the formats that programs come in: what a format says of itself, what it reads;
+and those by name.
 
-Each is one line of `SOURCES`, loaded when it is asked for. What readers share: a file's text, bounded, with whatever
-bytes it has; its faults, gathered in one pass and bounded; and zeros, of which rounding leaves -0 or 4.3e-16 m.
+Each is one line of `SOURCES`, loaded when it is asked for. What readers share: a file's text,
+bounded, with whatever bytes it has; its faults, gathered in one pass and bounded; and zeros, of
+which rounding leaves -0 or 4.3e-16 m.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -26,37 +28,57 @@ if TYPE_CHECKING:
 
 ZERO_ROUNDING = 1e-15
 """m, and share of a unit vector: no machine tells it from 0."""
-_POINTS: dict[type, tuple[str, ...]] = {Line: ("to",), Arc: ("centre", "normal"), Spline: ("through",)}
+_POINTS: dict[type, tuple[str, ...]] = {
+    Line: ("to",),
+    Arc: ("centre", "normal"),
+    Spline: ("through",),
+}
 
 
 def zero_small_numbers(program: Program) -> Program:
     """The same program, its coordinates below LEAST and its negative zeros made 0."""
     if isinstance(program.segments, SegmentStream):  # which does so itself
         return program
-    held = [(k, getattr(part, name)) for k, part in enumerate(program.segments) for name in _POINTS.get(type(part), ())]
+    held = [
+        (k, getattr(part, name))
+        for k, part in enumerate(program.segments)
+        for name in _POINTS.get(type(part), ())
+    ]
     if not held:
         return program
     flat = np.concatenate([values.ravel() for _, values in held])
     owner = np.repeat([k for k, _ in held], [values.size for _, values in held])
     changed = set(owner[(abs(flat) < ZERO_ROUNDING) & ((flat != 0) | np.signbit(flat))].tolist())
     changed |= {
-        k for k, part in enumerate(program.segments) if isinstance(part, Arc) and 0 < abs(part.rise) < ZERO_ROUNDING
+        k
+        for k, part in enumerate(program.segments)
+        if isinstance(part, Arc) and 0 < abs(part.rise) < ZERO_ROUNDING
     }
     if not changed:
         return program
-    segments = tuple(_tidy_part(part) if k in changed else part for k, part in enumerate(program.segments))
+    segments = tuple(
+        _tidy_part(part) if k in changed else part for k, part in enumerate(program.segments)
+    )
     return replace(program, segments=segments)
 
 
 def zero_segment(part: Segment) -> Segment:
     """The same of one segment."""
     points = [getattr(part, name) for name in _POINTS.get(type(part), ())]
-    small = any(((abs(own) < ZERO_ROUNDING) & ((own != 0) | np.signbit(own))).any() for own in points)
-    return _tidy_part(part) if small or (isinstance(part, Arc) and 0 < abs(part.rise) < ZERO_ROUNDING) else part
+    small = any(
+        ((abs(own) < ZERO_ROUNDING) & ((own != 0) | np.signbit(own))).any() for own in points
+    )
+    return (
+        _tidy_part(part)
+        if small or (isinstance(part, Arc) and 0 < abs(part.rise) < ZERO_ROUNDING)
+        else part
+    )
 
 
 def _tidy_part(part: Segment) -> Segment:
-    changes: dict[str, Array | float] = {name: _zero_small(getattr(part, name)) for name in _POINTS[type(part)]}
+    changes: dict[str, Array | float] = {
+        name: _zero_small(getattr(part, name)) for name in _POINTS[type(part)]
+    }
     if isinstance(part, Arc) and abs(part.rise) < ZERO_ROUNDING:
         changes["rise"] = 0.0
     return replace(part, **changes)  # type: ignore[arg-type]  # each name has the type of its own field
@@ -72,7 +94,8 @@ class Imported(Result):
 
     entities  how many of each kind, in the format's own words: {"G1": 120, "G2": 8}
     turned    angles of the tool's orientation that change: of rx, ry and rz
-    warnings  what its user has to know: what was left out of the program, or taken to mean something
+    warnings  what its user has to know: what was left out of the program, or taken to mean
+              something
     """
 
     program: Program
@@ -85,7 +108,9 @@ class Imported(Result):
 
     @property
     def outline(self) -> "Outline":
-        """Where the tool goes, in the program's frame: its extents and its length, and what there is to draw."""
+        """Where the tool goes, in the program's frame: its extents and its length, and what there
+        is to draw.
+        """
         from planner.sources.outline import outline
 
         return outline(self.program)
@@ -93,7 +118,9 @@ class Imported(Result):
     def tables(self) -> tuple[Table, ...]:
         """How many of each kind were read, and the warnings; the segments that became of them."""
         read = (Column("read", [*self.entities]), Column("times", [*self.entities.values()]))
-        return Table(f"{self.program.name}: what was read", read, tuple(self.warnings)), *self.program.tables()
+        return Table(
+            f"{self.program.name}: what was read", read, tuple(self.warnings)
+        ), *self.program.tables()
 
     def files(self) -> Mapping[str, Callable[[Path], None]]:
         """.toml: the program; .csv and .json: the tables."""
@@ -103,8 +130,8 @@ class Imported(Result):
 class Source(Protocol):
     """A file format: a frozen dataclass whose fields, made by `option`, are its options.
 
-    The first line of its docstring is what the command's help says of it; the rest states what is taken, and how.
-    Registered by one line in planner/sources/source.py.
+    The first line of its docstring is what the command's help says of it; the rest states what is
+    taken, and how. Registered by one line in planner/sources/source.py.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -112,8 +139,9 @@ class Source(Protocol):
     def read(self, path: Path, /) -> Imported:
         """The program that a file describes.
 
-        Raises FileError with every fault of it (a bounded list, each with its line), MotionError for an option that
-        does not fit. What it does not understand is a fault; what it leaves out or takes to mean something, a warning.
+        Raises FileError with every fault of it (a bounded list, each with its line), MotionError
+        for an option that does not fit. What it does not understand is a fault; what it leaves out
+        or takes to mean something, a warning.
         """
 
 
@@ -134,7 +162,10 @@ SOURCES = {
 
 
 def find_source(name: str) -> type[Source]:
-    """The format of a name. Raises MotionError for an unknown one, with the nearest and all known ones."""
+    """The format of a name.
+
+    Raises MotionError for an unknown one, with the nearest and all known ones.
+    """
     found: type[Source] = load_plugin("format", SOURCES, name)
     return found
 
@@ -145,17 +176,23 @@ def suffix_formats() -> dict[str, str]:
 
 
 def source_name(path: Path) -> str:
-    """The name of the format that a file's suffix stands for. Raises MotionError where it stands for none."""
+    """The name of the format that a file's suffix stands for.
+
+    Raises MotionError where it stands for none.
+    """
     known = suffix_formats()
     if path.suffix.lower() not in known:
         suffixes = ", ".join(f"{suffix} ({name})" for suffix, name in known.items())
-        told = f'suffix "{path.suffix}" is not a known format' if path.suffix else "it has no suffix"
+        told = (
+            f'suffix "{path.suffix}" is not a known format' if path.suffix else "it has no suffix"
+        )
         raise MotionError(f"{path}: {told}; give its format, or a known suffix: {suffixes}")
     return known[path.suffix.lower()]
 
 
 def stream_program(path: Path, source: Source) -> Imported:
-    """The program of a file, which of a format that can is not held: its segments are read whenever they are asked for.
+    """The program of a file, which of a format that can is not held: its segments are read whenever
+    they are asked for.
 
     All of the file is checked first. Raises FileError with every fault of it.
     """
@@ -163,7 +200,9 @@ def stream_program(path: Path, source: Source) -> Imported:
 
 
 @check_arguments()
-def import_program(path: str | PathLike[str], format: str | None = None, **options: Any) -> Imported:
+def import_program(
+    path: str | PathLike[str], format: str | None = None, **options: Any
+) -> Imported:
     """Import a program from a file of another format, with a summary of what was read.
 
     Parameters
@@ -206,7 +245,9 @@ class Faults:
         self.unread = False
         self._found: list[Fault] = []
 
-    def add(self, told: str | MotionError, line: int | None = 1, key: str = "", value: str | None = None) -> None:
+    def add(
+        self, told: str | MotionError, line: int | None = 1, key: str = "", value: str | None = None
+    ) -> None:
         """One fault; key says where on its line, or in which entity, value what stands there.
 
         Raises FileError where there are too many.

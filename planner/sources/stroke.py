@@ -1,4 +1,6 @@
-"""Strokes: segments that know where they start, so that they can be turned round and put one after the other."""
+"""Strokes: segments that know where they start, so that they can be turned round and put one after
+the other.
+"""
 
 from dataclasses import dataclass, replace
 from math import cos, hypot, pi, sin
@@ -31,8 +33,12 @@ def line(start: Array, end: Array) -> Stroke:
     return Stroke(start, end, Line(end))
 
 
-def arc(start: Array, centre: Array, normal: Array, angle: float, end: Array | None = None) -> Stroke:
-    """By a signed angle about a unit normal; end: where that is known better than turning the start tells it."""
+def arc(
+    start: Array, centre: Array, normal: Array, angle: float, end: Array | None = None
+) -> Stroke:
+    """By a signed angle about a unit normal; end: where that is known better than turning the start
+    tells it.
+    """
     end = centre + _rotate(start - centre, normal, angle) if end is None else end
     return Stroke(start, end, Arc(centre, normal, angle))
 
@@ -63,10 +69,15 @@ def end_directions(stroke: Stroke) -> tuple[Array, Array]:
         case Line():
             first = last = stroke.end - stroke.start
         case Arc() as own:
-            way, rise = cross_product(own.normal, stroke.start - own.centre) * own.angle, own.rise * own.normal
+            way, rise = (
+                cross_product(own.normal, stroke.start - own.centre) * own.angle,
+                own.rise * own.normal,
+            )
             first, last = way + rise, _rotate(way, own.normal, own.angle) + rise
         case Spline() as own:
-            slopes = sample_splines(np.concatenate([stroke.start[None], own.through]), np.array([0.0, 1.0]))[1]
+            slopes = sample_splines(
+                np.concatenate([stroke.start[None], own.through]), np.array([0.0, 1.0])
+            )[1]
             first, last = slopes[0, 0], slopes[-1, 1]
     return first / np.linalg.norm(first), last / np.linalg.norm(last)
 
@@ -74,8 +85,8 @@ def end_directions(stroke: Stroke) -> tuple[Array, Array]:
 def move_start(stroke: Stroke, start: Array) -> Stroke:
     """The same from a start that is a little off; its end stays where it can.
 
-    An arc keeps its angle: it leaves where it was by no more than the start does. One of nearly a whole number of turns
-    is moved as it is, and so is its end.
+    An arc keeps its angle: it leaves where it was by no more than the start does. One of nearly a
+    whole number of turns is moved as it is, and so is its end.
     """
     off = start - stroke.start
     if np.linalg.norm(off) <= MIN_MOVE:
@@ -94,7 +105,11 @@ def move_start(stroke: Stroke, start: Array) -> Stroke:
                 return Stroke(start, stroke.end + off, replace(own, centre=own.centre + off))
             # half the chord and the centre beside its middle: tan of half the angle between them
             aside = cross_product(own.normal, flat) / 2 * (cos(own.angle / 2) / sin(own.angle / 2))
-            return Stroke(start, stroke.end, replace(own, centre=start + flat / 2 + aside, rise=own.rise + rise))
+            return Stroke(
+                start,
+                stroke.end,
+                replace(own, centre=start + flat / 2 + aside, rise=own.rise + rise),
+            )
 
 
 def max_height(stroke: Stroke) -> float:
@@ -113,11 +128,15 @@ def max_height(stroke: Stroke) -> float:
 def is_full_circle(chain: Chain) -> bool:
     """Whether it is one full turn of a circle."""
     segment = chain[0].segment
-    return len(chain) == 1 and isinstance(segment, Arc) and abs(abs(segment.angle) - 2 * pi) < MIN_MOVE
+    return (
+        len(chain) == 1 and isinstance(segment, Arc) and abs(abs(segment.angle) - 2 * pi) < MIN_MOVE
+    )
 
 
 def find_vertices(chain: Chain) -> Array:
-    """Points (N, 3) where a closed chain may begin: starts of its strokes; of a full circle, of its quarters."""
+    """Points (N, 3) where a closed chain may begin: starts of its strokes; of a full circle, of its
+    quarters.
+    """
     if not is_full_circle(chain):
         return np.array([stroke.start for stroke in chain])
     own = cast(Arc, chain[0].segment)

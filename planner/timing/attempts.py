@@ -75,7 +75,9 @@ def ends_search(solution: RunSolution) -> bool:
 def has_surely_brief_ramps(solution: RunSolution) -> bool:
     """Return whether no solver could tell a motion's ramps of s̈ from steps."""
     longest = float(solution.profile.h[solution.profile.j != 0].max(initial=0.0))
-    return longest <= SURELY_BRIEF * solution.duration and solution.slowness <= MAX_NEGLIGIBLE_SLOWNESS
+    return (
+        longest <= SURELY_BRIEF * solution.duration and solution.slowness <= MAX_NEGLIGIBLE_SLOWNESS
+    )
 
 
 @dataclass(frozen=True, slots=True)

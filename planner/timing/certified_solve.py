@@ -236,7 +236,9 @@ def solve_within(
 
 
 def improve_goal(best: Solution, goal: Goal, progress: Progress | None = None) -> Solution:
-    """Return the motion for a goal that the fastest motion is known for; raises as `certified_solve`."""
+    """Return the motion for a goal that the fastest motion is known for; raises as
+    `certified_solve`.
+    """
     certifier = RunCertifier(best.trajectory.path, best.limits, best.order, goal)
     solution = solve_goal(certifier, progress).require_proof()
     return replace(solution, lower_estimate=best.lower_estimate)

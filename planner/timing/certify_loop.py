@@ -135,7 +135,10 @@ class RunCertifier:
         ]
 
     def _correct(self, one: CertifiedRun) -> CertifiedRun | MotionError | None:
-        """Apply the first remedy of the table above. None where the motion holds, or none is left."""
+        """Apply the first remedy of the table above.
+
+        None where the motion holds, or none is left.
+        """
         stays = self._find_stays(one.solution.profile)
         if stays:
             return self._hold_axes(one, stays)
@@ -205,7 +208,9 @@ class RunCertifier:
         first, last = one.run.breaks(self.path)[[0, -1]].tolist()
         caps = []
         for band in dict.fromkeys(stay.band for stay in stays):
-            earlier = sum((cap.band, cap.first, cap.last) == (band, first, last) for cap in one.caps)
+            earlier = sum(
+                (cap.band, cap.first, cap.last) == (band, first, last) for cap in one.caps
+            )
             margin = BAND_MARGIN * MARGIN_GROWTH**earlier
             caps.append(SpeedCap(band, first, last, margin))
         return caps

@@ -26,7 +26,8 @@ from planner.timing.solution import CRUISE, RunSolution
 
 # Share of f up to which it counts as constant on a piece: rounding of arc lengths.
 SAME_SPEED = 1e-8
-# Use of the limits on axis speeds, as a share of the tool's, up to which the tool's cap surely binds.
+# Use of the limits on axis speeds, as a share of the tool's, up to which the tool's cap surely
+# binds.
 MAX_OTHER_SPEED = 0.98
 # Intervals of a piece on which f varies: COUNT · (variation of f)^POWER, which keeps the tool
 # within some 3e-5 of its cap: a right angle that is rounded takes 2 × 90 intervals at order 3, and

@@ -58,17 +58,17 @@ MAX_INTERVALS = {2: 1_000_000, 3: 50_000}
 # Largest number of pieces in one run without a machine. With many pieces each has fewer intervals,
 # so that all fit into MAX_INTERVALS: so dense a spline bends little from knot to knot.
 MAX_DENSE_PIECES = 100_000
-# Grids by weight: the share of weight that goes with time, the least number of intervals of a piece,
-# and the number of parts in which each piece of the motion is integrated.
+# Grids by weight: the share of weight that goes with time, the least number of intervals of a
+# piece, and the number of parts in which each piece of the motion is integrated.
 TIME_SHARE = 0.4
 MIN_PER_PIECE = 4
 PLACE_PARTS = 8
 # Share by which rounding may raise a number of intervals.
 ROUNDING = 1e-6
 # At order 2 a line on which the axes' directions q′ hardly change needs fewer intervals: this many
-# for a change of q′ by its own size, rounded up to one of a few numbers. Each interval at whose ends
-# s̈ steps by MIN_STEP_SHARE of the largest is then cut. On lines of the hexapod, durations stay within
-# 3e-4 of those on 8000 intervals.
+# for a change of q′ by its own size, rounded up to one of a few numbers. Each interval at whose
+# ends s̈ steps by MIN_STEP_SHARE of the largest is then cut. On lines of the hexapod, durations
+# stay within 3e-4 of those on 8000 intervals.
 PER_CHANGE = 2000
 FEW_INTERVALS = (250, 350, 500, 700)
 MIN_STEP_SHARE = 0.2
@@ -156,7 +156,9 @@ def find_pieces(path: ActuatorPath, run: Run, s: Array) -> np.ndarray:
 
 
 def divide_intervals(s: Array, count: np.ndarray) -> tuple[Array, np.ndarray]:
-    """Cut each interval of a grid into count (N,) even parts; return the grid and their owners (M,)."""
+    """Cut each interval of a grid into count (N,) even parts; return the grid and their owners
+    (M,).
+    """
     owner = np.repeat(np.arange(len(count)), count)
     first = np.cumsum(count) - count
     share = (np.arange(len(owner)) - first[owner]) / count[owner]
@@ -183,7 +185,9 @@ def _distances(s: Array, places: Array) -> Array:
 
 
 def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
-    """Pose a run at order 2: on an even grid, or a graded one if rows have ṡ next to other terms."""
+    """Pose a run at order 2: on an even grid, or a graded one if rows have ṡ next to other
+    terms.
+    """
     of_speed = [limit.terms for limit in limits if Term.SD in limit.terms]
     mixed = any(len(terms) > 1 for terms in of_speed)
     has_free_end = any(end.zero_derivatives == 1 for end in run.ends)
@@ -286,7 +290,9 @@ def brief_problem(
     run: Run,
     coarse: Problem,
 ) -> tuple[Problem, float] | None:
-    """Pose a run from rest to rest at order 2, with the window of its average; None unless brief."""
+    """Pose a run from rest to rest at order 2, with the window of its average; None unless
+    brief.
+    """
     if max(run.speeds) > 0 or not coarse.is_unconditional:
         return None
     gentle, window = relax_jerk(coarse)
@@ -405,7 +411,9 @@ def _grid(
 
 
 def _graded_shares(intervals: int) -> Array:
-    """Return shares of a run that are ever denser towards its ends: ṡ ~ √x changes fastest there."""
+    """Return shares of a run that are ever denser towards its ends: ṡ ~ √x changes fastest
+    there.
+    """
     even = np.linspace(0.0, 1.0, intervals + 1)
     return np.asarray(even**2 * (3 - 2 * even))
 
@@ -476,7 +484,9 @@ def _few_intervals(path: ActuatorPath, run: Run) -> int | None:
 
 
 def unbounded_error(problem: Problem, order: int) -> MotionError | None:
-    """Return the error of a run without a bound of s̈, or of s⃛ at order 3; None where there is one."""
+    """Return the error of a run without a bound of s̈, or of s⃛ at order 3; None where there is
+    one.
+    """
     term = Term.SDD if order == 2 else Term.SDDD
     if any(np.any(block.start.get(term)) for block in problem.blocks):
         return None

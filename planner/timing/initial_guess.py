@@ -8,12 +8,15 @@ It takes w longer. A step of s̈ becomes a ramp; with w = A/J the average is wit
 optimum where acceleration binds, and s̈ = 0 at both its ends.
 
 **Past slow breaks.** On a piece with q‴, constant ṡ causes a jerk q‴ ṡ³, so that no more than
-ṡ = (J/|q‴|)^⅓ gets through. The order-2 motion passes at √(A/|q″|): through a blend of reach d, that is
+ṡ = (J/|q‴|)^⅓ gets through. The order-2 motion passes at √(A/|q″|): through a blend of reach d,
+that is
 d^(1/2) instead of d^(2/3), too fast by ever more in smaller blends. From there solvers find no
-motion, and from rest at such breaks only one of many slow ones. There the start has ramps of constant
+motion, and from rest at such breaks only one of many slow ones. There the start has ramps of
+constant
 jerk from break to break.
 
-**Brief ramps.** If 4w is below a thousandth of the motion, no solver can tell ramps of s̈ from steps.
+**Brief ramps.** If 4w is below a thousandth of the motion, no solver can tell ramps of s̈ from
+steps.
 The average is then the answer: the order-2 motion is at least as short as the fastest jerk-limited
 one, so that the average takes at most 4w longer than that.
 """
@@ -40,8 +43,8 @@ ACTING_SHARE = 0.02
 MIN_STEP_SHARE = 1e-6
 # Least interval at the ends of a run that is shortened, as a share of the run.
 MIN_INTERVAL_SHARE = 1e-9
-# Speed at a slow break as a share of the largest that the jerk allows. With 1, polylines with blends
-# of 1e-8 to 2e-4 m take up to 5e-4 longer; single corners take the same time with 0.3 to 1.
+# Speed at a slow break as a share of the largest that the jerk allows. With 1, polylines with
+# blends of 1e-8 to 2e-4 m take up to 5e-4 longer; single corners take the same time with 0.3 to 1.
 SPEED_SHARE = 0.7
 # A break that the averaged motion passes this many times too fast is slow, whatever its other side
 # allows: from there a solver takes hundreds of iterations, or finds no motion.
@@ -258,8 +261,8 @@ def pass_breaks(problem: Problem, at: np.ndarray, speeds: Array) -> Profile | No
     """Return ramps of constant jerk from each grid point `at` (P+1,) to the next, or None.
 
     There it has `speeds` and s̈ = 0. In between it rises to a largest speed and falls again, under
-    the rows' own bounds of ṡ, s̈ and s⃛ on average. Where that of s̈ leaves no way from speed to speed,
-    that of s⃛ alone may; None where it does not, or where s⃛ has no bound.
+    the rows' own bounds of ṡ, s̈ and s⃛ on average. Where that of s̈ leaves no way from speed to
+    speed, that of s⃛ alone may; None where it does not, or where s⃛ has no bound.
     """
     step = np.diff(problem.s)
     size = np.diff(problem.s[at])

@@ -1,4 +1,6 @@
-"""A timing problem as solvers take it: a run, its ends, a grid, and the rows of every limit on it."""
+"""A timing problem as solvers take it: a run, its ends, a grid, and the rows of every limit on
+it.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -90,7 +90,9 @@ class Profile:
         return s, v + tau * (a + tau * j / 2), a + tau * j, j
 
     def stretch(self, breaks: Array, first: int, duration: float) -> "Profile":
-        """Stretch a motion of unit length and duration over path pieces `first` …, cut at breaks."""
+        """Stretch a motion of unit length and duration over path pieces `first` …, cut at
+        breaks.
+        """
         length = breaks[-1] - breaks[0]
         unit_breaks = (breaks - breaks[0]) / length
         cut = self.cut(unit_breaks, first)

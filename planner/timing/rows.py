@@ -1,4 +1,6 @@
-"""The rows of every limit along a run: evaluated, normalised, and left out where they cannot bind."""
+"""The rows of every limit along a run: evaluated, normalised, and left out where they cannot
+bind.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

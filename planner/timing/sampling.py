@@ -48,7 +48,9 @@ def sample_limit_use(
 
 
 def _bound_parabolas(values: Array) -> tuple[Array, Array]:
-    """Return the least and largest (M, m) of parabolas through each three of values (M, 2n+1, m)."""
+    """Return the least and largest (M, m) of parabolas through each three of values (M, 2n+1,
+    m).
+    """
     first = values[:, :-2:2]
     middle = values[:, 1::2]
     last = values[:, 2::2]

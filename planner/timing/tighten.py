@@ -37,8 +37,8 @@ EXCESS_FACTOR = 1.1
 SOLVER_MARGIN = 2e-7
 # Number of times that a run is solved before it is slowed instead.
 MAX_TRIES = 6
-# Excess from which an interval is cut in CUT_PARTS in the second try. Later tries cut from a smaller
-# excess on: it then lies between grid points, where less room does not help.
+# Excess from which an interval is cut in CUT_PARTS in the second try. Later tries cut from a
+# smaller excess on: it then lies between grid points, where less room does not help.
 MIN_CUT_EXCESS = 1.03
 MIN_LATE_CUT_EXCESS = 1.0003
 CUT_PARTS = 4
@@ -102,7 +102,9 @@ def tighten_parts(
     use: Mapping[str, Array],
     tighten: Callable[[RunSolution, Mapping[str, Array]], RunSolution],
 ) -> RunSolution:
-    """Tighten the parts of a joined motion that exceed a limit; the same motion if none can change."""
+    """Tighten the parts of a joined motion that exceed a limit; the same motion if none can
+    change.
+    """
     parts = []
     first = 0
     for part in solution.parts:

@@ -95,7 +95,12 @@ def _check_plan(folder: Path, as_json: bool) -> None:
         refuse([f"{path}: {fault}" for fault in verdict.faults[:1]])
         pulses = sum(axis.pulses for axis in verdict.axes)
     if as_json:
-        result: dict[str, Any] = {"holds": True, "duration_s": duration, "pulse_file": None, "pulses": None}
+        result: dict[str, Any] = {
+            "holds": True,
+            "duration_s": duration,
+            "pulse_file": None,
+            "pulses": None,
+        }
         if path is not None:
             result |= {"pulse_file": path.name, "pulses": pulses}
         print_json(result)

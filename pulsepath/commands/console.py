@@ -162,7 +162,9 @@ def console(request: ConsoleRequest) -> None:
             allow_time(MAX_STOP_TIME)
             server.say("STOP")
             server.finish()
-            tell(f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.describe}")
+            tell(
+                f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.describe}"
+            )
             set_exit_code(end.code)
             click.get_current_context().exit(end.code)
         if server.unwritten is not None:

@@ -84,7 +84,9 @@ class HoldRequest:
             raise BadValue("--speed is that of the way on: give --resume FILE too")
         if self.stops is not None and out is not None and out.suffix not in TABLE_SUFFIXES:
             kinds = ", ".join(TABLE_SUFFIXES)
-            raise BadValue(f"{out}: a table of stops is written as {kinds}; give a name that ends so")
+            raise BadValue(
+                f"{out}: a table of stops is written as {kinds}; give a name that ends so"
+            )
 
 
 @click.command(cls=Hold)
@@ -166,7 +168,9 @@ def _compute(
     resumed: bool,
     share: float | None,
 ) -> "tuple[Section, Section | None]":
-    """Compute the stop from an instant (s), and the way on from it at a share of the plan's speed."""
+    """Compute the stop from an instant (s), and the way on from it at a share of the plan's
+    speed.
+    """
     from planner.interruption.hold import hold as stop_at
     from planner.interruption.resume import resume as resume_from
 

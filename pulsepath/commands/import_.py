@@ -128,7 +128,10 @@ def import_(request: ImportRequest, force: bool, as_json: bool, **given: Any) ->
 
 
 def _draw(outline: "Outline", segments: str, image: Path) -> None:
-    """Draw a path in a file. Only here matplotlib loads, which takes longer than all else together."""
+    """Draw a path in a file.
+
+    Only here matplotlib loads, which takes longer than all else together.
+    """
     from planner.sources.figures import program_path
 
     axes = program_path(outline, title=f"{segments}, {1e3 * outline.length:.6g} mm")

@@ -49,9 +49,9 @@ def init(
 ) -> None:
     """Write a machine and a program to start from.
 
-    DIR defaults to the current directory. The files machine.toml and program.toml hold the keys that
-    matter for a first plan, with a line of comment each, and can be planned at once. Machine and
-    program are named after the directory.
+    DIR defaults to the current directory. The files machine.toml and program.toml hold the keys
+    that matter for a first plan, with a line of comment each, and can be planned at once. Machine
+    and program are named after the directory.
 
     Example: pulsepath init mine --machine tripod
     """

@@ -1,12 +1,12 @@
 """`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`, `figures`: print lists."""
 
 from functools import partial
-from inspect import getdoc
 from typing import Any
 
 import click
 
 from pulsepath.commands.common import print_result
+from pulsepath.docstrings import first_paragraph
 from pulsepath.options import json_option
 
 Record = dict[str, Any]
@@ -100,10 +100,10 @@ def laws(as_json: bool) -> None:
     for (number, name), make in LAWS.items():
         law = make()
         fixed = make.keywords if isinstance(make, partial) else {}
-        text = getdoc(make.func if isinstance(make, partial) else make) or ""
+        about_law = first_paragraph(make.func if isinstance(make, partial) else make)
         options = "".join(f" ({key}: {value})" for key, value in fixed.items())
         # a class with several laws writes the formula of each
-        about = getattr(law, "formula", text.partition("\n")[0] + options)
+        about = getattr(law, "formula", about_law + options)
         gains = {gain: [float(value) for value in values] for gain, values in law.grid.items()}
         listed.append({"number": number, "name": name, "gains": gains, "about": about})
     _show_list("tracking laws", listed, as_json)

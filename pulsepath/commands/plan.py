@@ -98,7 +98,9 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
                 with inputs.tell_lines():
                     job = run(inputs.program, inputs.machine, request, report, other)
                 results = write_whole(folder, job, inputs, report.pulses)
-    tables.show_plan(out, as_json, lambda: tables.tabulate_plan(results), lambda: tables.sum_up(results))
+    tables.show_plan(
+        out, as_json, lambda: tables.tabulate_plan(results), lambda: tables.sum_up(results)
+    )
     if refusal is not None:
         raise refusal
 

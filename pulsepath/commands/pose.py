@@ -138,7 +138,8 @@ def _find_numbers(
     turn: list[float] | None,
     frame: str,
 ) -> "Array":
-    """Return pose numbers (1, 12) in the base frame, with home's position and a turn of 0 where they are omitted.
+    """Return pose numbers (1, 12) in the base frame, with home's position and a turn of 0 where
+    they are omitted.
 
     Numbers, because SciPy's poses take longer to load than all else here. Raises MotionError for a
     coordinate that the machine does not control.

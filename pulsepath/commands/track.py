@@ -82,7 +82,9 @@ def track(request: TrackRequest, unverified: bool, force: bool, as_json: bool) -
             tracked = controllers.track(motion, plan.machine, law, rig=rig, period=PERIOD)
             metrics.append(controllers.evaluate(tracked, motion, plan.machine))
     doubts = record.record_doubts(plan.doubts)
-    text = record.as_json({"schema": record.SCHEMA, **doubts, **record.record_tracking(rig, metrics)})
+    text = record.as_json(
+        {"schema": record.SCHEMA, **doubts, **record.record_tracking(rig, metrics)}
+    )
     target.write(text)
     if as_json:
         click.echo(text, nl=False)

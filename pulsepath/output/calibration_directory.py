@@ -76,7 +76,10 @@ def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
             }
             for estimate in calibration.parameters
         ],
-        "pulses": [{**asdict(pulse), "error": finite_or_none(pulse.error)} for pulse in identified_pulses(calibration)],
+        "pulses": [
+            {**asdict(pulse), "error": finite_or_none(pulse.error)}
+            for pulse in identified_pulses(calibration)
+        ],
         "observability": _record_observability(calibration),
         "errors": errors_of_poses,
         "skipped_checks": list(calibration.skipped),
@@ -113,7 +116,10 @@ def _comment(calibration: Calibration) -> str:
     """Return the comment at the head of the calibrated machine's file."""
     source = Path(calibration.measurements.name).name
     parts = ", ".join(calibration.parts)
-    before, after = (f"{1e6 * calibration.rms(errors):.1f} um" for errors in (calibration.before, calibration.after))
+    before, after = (
+        f"{1e6 * calibration.rms(errors):.1f} um"
+        for errors in (calibration.before, calibration.after)
+    )
     return (
         f"The machine {calibration.nominal.name}, calibrated from {source}: {parts}.\n"
         f"RMS error of a position's component at the measured poses: {before} before, {after} after.\n"

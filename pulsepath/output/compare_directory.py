@@ -1,4 +1,6 @@
-"""The output of `compare`: report, table as JSON, runs as CSV, and the saved runs for later comparisons."""
+"""The output of `compare`: report, table as JSON, runs as CSV, and the saved runs for later
+comparisons.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,16 +20,19 @@ TABLE = "runs.csv"
 def destinations(target: Path, force: bool) -> list[Destination]:
     """Write a comparison: report, table and record.
 
-    Raises MotionError unless the folder is empty, has saved runs only, or with `force` another comparison.
+    Raises MotionError unless the folder is empty, has saved runs only, or with `force` another
+    comparison.
 
-    Saved runs may stay: each is identified by the hash of its inputs, so that an interrupted comparison
-    continues.
+    Saved runs may stay: each is identified by the hash of its inputs, so that an interrupted
+    comparison continues.
     """
     if target.exists() and not target.is_dir():
         raise MotionError(f"{target} exists and is not a directory; give another --out")
     if (target / COMPARISON).exists():
         if not force:
-            raise MotionError(f"{target} holds a comparison; give another --out, or --force to replace it")
+            raise MotionError(
+                f"{target} holds a comparison; give another --out, or --force to replace it"
+            )
     elif target.exists() and any(target.iterdir()) and not (target / CELLS).is_dir():
         raise MotionError(f"{target} is not empty and holds no saved runs; give another --out")
     return [Destination(target / name, force=True) for name in (REPORT, TABLE, COMPARISON)]

@@ -45,8 +45,8 @@ PLAIN_NUMBER = re.compile(r"\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.ASCI
 def list_replaceable(target: Path, force: bool, kind: str = KIND) -> Content:
     """Return the content of a target that a result may replace. The work begins after this.
 
-    Raises MotionError unless the target is absent, or an empty directory, or with `force` a directory
-    of the same kind.
+    Raises MotionError unless the target is absent, or an empty directory, or with `force` a
+    directory of the same kind.
     """
     clear(target.resolve().parent)
     content = list_content(target)
@@ -57,9 +57,13 @@ def list_replaceable(target: Path, force: bool, kind: str = KIND) -> Content:
         raise MotionError(f"{target} exists and is not a directory; give another --out")
     if any(target.iterdir()):
         if not force:
-            raise MotionError(f"{target} exists and is not empty; give another --out, or --force to replace it")
+            raise MotionError(
+                f"{target} exists and is not empty; give another --out, or --force to replace it"
+            )
         if not is_ours(target, kind):
-            raise MotionError(f"{target} was not written by {kind}, so --force does not replace it; give another")
+            raise MotionError(
+                f"{target} was not written by {kind}, so --force does not replace it; give another"
+            )
     return content
 
 
@@ -93,11 +97,14 @@ def _read_record(directory: Path, name: str) -> Mapping[str, object]:
 def refuse_no_plan(folder: Path) -> None:
     """Raise MotionError if `plan` did not write a directory."""
     if not is_ours(folder):
-        raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
+        raise MotionError(
+            f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}"
+        )
 
 
 def read_instant(folder: Path, text: str) -> float:
-    """Return the time (s) of --at: within the motion of a plan, or a share of its duration, as "40 %".
+    """Return the time (s) of --at: within the motion of a plan, or a share of its duration, as "40
+    %".
 
     Raises BadValue for another text, and MotionError for a time after the duration that the record
     states. A record without a duration is refused later, when the plan is read.
@@ -112,7 +119,9 @@ def read_instant(folder: Path, text: str) -> float:
     if text.rstrip().endswith("%"):
         share = read_percent("--at", text, from_zero=True)
         if duration is None:
-            raise MotionError(f'{folder / RECORD} states no duration: give --at as a time, as "1.2 s"')
+            raise MotionError(
+                f'{folder / RECORD} states no duration: give --at as a time, as "1.2 s"'
+            )
         t = share * duration
     else:
         t = read_quantity("--at", text, "s", least=0.0)
@@ -160,9 +169,9 @@ def replace_directory(
     """Create a directory to fill, which becomes `target` at the end of the block.
 
     After an error or an interruption the previous content is unchanged. After a kill the target is
-    complete or absent, and the next run there removes the rest (`kinematics.files.atomic_files`). If
-    another program changes the target during the block, its files stay: MotionError is raised, and the
-    new directory is kept under a name that the error states.
+    complete or absent, and the next run there removes the rest (`kinematics.files.atomic_files`).
+    If another program changes the target during the block, its files stay: MotionError is raised,
+    and the new directory is kept under a name that the error states.
 
     before: content that may be replaced, from `list_replaceable`; None: the present one
     """

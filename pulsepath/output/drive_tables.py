@@ -15,7 +15,9 @@ RATE = "highest rate"
 
 
 class Margin(NamedTuple):
-    """Margin of an axis' drive: ratio of a time to the need, or of the largest rate to the highest."""
+    """Margin of an axis' drive: ratio of a time to the need, or of the largest rate to the
+    highest.
+    """
 
     ratio: float
     message: str
@@ -23,7 +25,9 @@ class Margin(NamedTuple):
 
 
 def tabulate_drives(pulses: Mapping[str, Any]) -> list[Table]:
-    """Return the table of the shortest times and highest rates of axes, and of their drives' needs."""
+    """Return the table of the shortest times and highest rates of axes, and of their drives'
+    needs.
+    """
     timed = {name: axis for name, axis in pulses["axes"].items() if axis.get("lines_s")}
     if not timed:
         return []

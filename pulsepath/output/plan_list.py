@@ -71,7 +71,10 @@ class PlanList:
         return sorted(known.values(), key=lambda one: one.name)
 
     def _read(self, name: str, folder: Path, kind: str, stamp: str) -> Listed | None:
-        """Read the record of a folder. Return None for a damaged record, and for one of another command."""
+        """Read the record of a folder.
+
+        Return None for a damaged record, and for one of another command.
+        """
         try:
             record = json.loads(read_below(self.root, folder / RECORDS[kind]))
             if record["kind"] != kind:
@@ -79,7 +82,15 @@ class PlanList:
             plan = kind == KIND
             figures, facts = (_figures(record), _facts(record)) if plan else ({}, {})
             return Listed(name, folder, kind, stamp, _title(record), figures, facts)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError):
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+            TypeError,
+            AttributeError,
+            ArithmeticError,
+            RecursionError,
+        ):
             return None
 
 
@@ -92,9 +103,12 @@ def read_below(root: Path, file: Path) -> bytes:
     if not Path(place).is_relative_to(os.path.realpath(root)):
         raise OSError(errno.EACCES, "leads out of the folder", str(file))
 
-    # The last part of the path is no link any more, and opening a pipe must not wait for its writer.
+    # The last part of the path is no link any more, and opening a pipe must not wait for its
+    # writer.
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-    with open(place, "rb", opener=lambda path, _: os.open(path, flags | getattr(os, "O_BINARY", 0))) as opened:
+    with open(
+        place, "rb", opener=lambda path, _: os.open(path, flags | getattr(os, "O_BINARY", 0))
+    ) as opened:
         if not stat.S_ISREG(os.fstat(opened.fileno()).st_mode):
             raise OSError(errno.EINVAL, "is no regular file", str(file))
         return opened.read()
@@ -160,7 +174,9 @@ def _describe_shapers(axes: Mapping[str, Mapping[str, Any]]) -> str:
     whose: dict[str, list[str]] = {}
     for name, axis in axes.items():
         for part in axis["shapers"]:
-            whose.setdefault(f"{part['kind']} {part['frequency']:g} Hz, damping {part['damping']:g}", []).append(name)
+            whose.setdefault(
+                f"{part['kind']} {part['frequency']:g} Hz, damping {part['damping']:g}", []
+            ).append(name)
     return "; ".join(f"{shaper} ({', '.join(names)})" for shaper, names in whose.items()) or "none"
 
 
@@ -169,12 +185,21 @@ def _describe_lowered(stretches: Sequence[Mapping[str, Any]]) -> str:
     least: dict[str, float] = {}
     for each in stretches:
         least[each["limit"]] = min(each["share"], least.get(each["limit"], 1.0))
-    return ", ".join(f"{name} to {floor_percent(share)} %" for name, share in least.items()) or "none"
+    return (
+        ", ".join(f"{name} to {floor_percent(share)} %" for name, share in least.items()) or "none"
+    )
 
 
 def _figures(record: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return the figures of a plan in SI units, by which two plans are compared. None: not in the plan."""
-    limits, shaping, pulses = record["certificate"]["limits"], record.get("shaping") or {}, record["pulses"]
+    """Return the figures of a plan in SI units, by which two plans are compared.
+
+    None: not in the plan.
+    """
+    limits, shaping, pulses = (
+        record["certificate"]["limits"],
+        record.get("shaping") or {},
+        record["pulses"],
+    )
     errors = (record.get("realised") or {}).get("errors") or {}
     laws = (record.get("tracking") or {}).get("laws") or {}
     figures: dict[str, float | None] = {
@@ -185,7 +210,9 @@ def _figures(record: Mapping[str, Any]) -> dict[str, float | None]:
         "gap": (record.get("lower_bound") or {}).get("gap"),
         "baseline_s": (record.get("classical") or {}).get("duration_s"),
         "path_length_m": record["path_length_m"],
-        "blends": len(record["blends"]) if "blends" in record else (record.get("joins") or {}).get("blends"),
+        "blends": len(record["blends"])
+        if "blends" in record
+        else (record.get("joins") or {}).get("blends"),
         "pulses": pulses["total"],
         "highest_rate_hz": (pulses["check"] or {}).get("highest_rate_hz"),
         "drive_margin": find_drive_margin(pulses),
@@ -193,9 +220,15 @@ def _figures(record: Mapping[str, Any]) -> dict[str, float | None]:
     }
     figures |= {f"use of {name}": entry["attained_ratio"] for name, entry in limits.items()}
     shaped = shaping.get("limits") or {}
-    figures |= {f"use of {name}, behind the shapers": entry["worst_ratio"] for name, entry in shaped.items()}
+    figures |= {
+        f"use of {name}, behind the shapers": entry["worst_ratio"] for name, entry in shaped.items()
+    }
     contours = {law: of.get("contour") or {} for law, of in laws.items()}
-    figures |= {f"contour error RMS, {law}": one["rms"] for law, one in contours.items() if one.get("unit") == "m"}
+    figures |= {
+        f"contour error RMS, {law}": one["rms"]
+        for law, one in contours.items()
+        if one.get("unit") == "m"
+    }
     for name, value in figures.items():
         if value is not None and not (isfinite(value) and abs(value) <= MAX_FIGURE):
             raise ValueError(f"{name} is {value}")

@@ -63,7 +63,9 @@ def record_plan(
         "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
         "pulses": pulses,
     }
-    special = _parts(plan, report.ending) if isinstance(plan, PlanStanding) else _whole(plan, report)
+    special = (
+        _parts(plan, report.ending) if isinstance(plan, PlanStanding) else _whole(plan, report)
+    )
     results: Record = {}
     if isinstance(report.plan, Plan):
         results = _motion_results(report) | _comparisons(report)
@@ -79,7 +81,9 @@ def _whole(plan: Plan, report: PlanReport) -> Record:
         shaping = _shaping(plan.shaped) | {"warning": plan.exceeded or None}
     return {
         "path_length_m": measure_travel(path.pieces),
-        "classical": None if report.classical is None else _baselines(report, plan, report.classical),
+        "classical": None
+        if report.classical is None
+        else _baselines(report, plan, report.classical),
         "shaping": shaping,
         "fit": record(path.fit),
         "blends": record(path.blends),
@@ -186,14 +190,18 @@ def _certificate(certificate: Certificate) -> Record:
 
 
 def _shaping(shaped: ShapedProof) -> Record:
-    """Return the record of the shaped motion: its proof, and upper bounds of its distance from the path."""
+    """Return the record of the shaped motion: its proof, and upper bounds of its distance from the
+    path.
+    """
     return {
         "duration_before_s": shaped.motion.base.duration,
         "cost": None if shaped.cost is None else _shaping_cost(shaped.cost),
         "delay_s": shaped.delay,
         "axes": {
             axis.name: {
-                "shapers": [] if axis.shaper is None else [asdict(part) for part in axis.shaper.parts],
+                "shapers": []
+                if axis.shaper is None
+                else [asdict(part) for part in axis.shaper.parts],
                 "deviation": float(off),
                 "unit": axis.unit,
             }
@@ -201,7 +209,11 @@ def _shaping(shaped: ShapedProof) -> Record:
         },
         "residual_vibration": [
             {"shaper": asdict(each.mode), "axes": list(each.axes)}
-            | {"at_90_percent": each.below, "at_frequency": each.stated, "at_110_percent": each.above}
+            | {
+                "at_90_percent": each.below,
+                "at_frequency": each.stated,
+                "at_110_percent": each.above,
+            }
             for each in find_residuals(shaped.axes)
         ],
         "tool_contour_um": 1e6 * shaped.contour,
@@ -222,7 +234,9 @@ def _shaping(shaped: ShapedProof) -> Record:
 
 
 def _shaping_cost(cost: ShapingCost) -> Record:
-    """Return the record of the time that the shapers cost, and of the limits that were lowered for them."""
+    """Return the record of the time that the shapers cost, and of the limits that were lowered for
+    them.
+    """
     return {
         "total_s": cost.total,
         "length_s": cost.length,
@@ -263,7 +277,11 @@ def record_pulses(
                 **drive,
             }
             for axis, driven, (number, net), drive in zip(
-                pulses.axes, machine.axes, counted, _drive_times(verdict, pulses.clock_hz, machine), strict=True
+                pulses.axes,
+                machine.axes,
+                counted,
+                _drive_times(verdict, pulses.clock_hz, machine),
+                strict=True,
             )
         },
         "check": None
@@ -307,11 +325,16 @@ def _segments(plan: Plan) -> list[Record]:
         "segment": "segment", FILE_LINE: "line", "kind": "kind", "length": "length_m", "time": "time_s",
         "mean speed": "mean_speed_m_s", "held back by": "held_back_by", "for": "held_back_for_percent",
     }  # fmt: skip
-    return [dict(zip(keys.values(), row, strict=True)) for row in zip(*(columns[key] for key in keys), strict=True)]
+    return [
+        dict(zip(keys.values(), row, strict=True))
+        for row in zip(*(columns[key] for key in keys), strict=True)
+    ]
 
 
 def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
-    """An event; the pose is the platform's in the base frame, its angles about the moving axes in turn."""
+    """An event; the pose is the platform's in the base frame, its angles about the moving axes in
+    turn.
+    """
     return {
         "name": event.name,
         "where": record(event.where),
@@ -338,7 +361,8 @@ def record_pulse_file(
     verdict: PulseCheck,
     counted: Sequence[tuple[int, int]] | None = None,
 ) -> Record:
-    """Return the verdict on a file of pulses, or on the pulses themselves; times in s, None: not measured.
+    """Return the verdict on a file of pulses, or on the pulses themselves; times in s, None: not
+    measured.
 
     counted: number of pulses and net count of each axis, for a schedule without its pulses
     """
@@ -367,14 +391,20 @@ def record_pulse_file(
                 **drive,
             }
             for one, axis, drive, (_, net) in zip(
-                verdict.axes, pulses.axes, _drive_times(verdict, pulses.clock_hz, machine), counted, strict=True
+                verdict.axes,
+                pulses.axes,
+                _drive_times(verdict, pulses.clock_hz, machine),
+                counted,
+                strict=True,
             )
         },
     }
 
 
 def _drive_times(verdict: PulseCheck | None, clock_hz: int, machine: Machine) -> list[Record]:
-    """Return the highest rate of each axis, the shortest times on its lines, and its drive's needs."""
+    """Return the highest rate of each axis, the shortest times on its lines, and its drive's
+    needs.
+    """
     if verdict is None:
         return [{}] * len(machine.axes)
     return [

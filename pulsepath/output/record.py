@@ -11,6 +11,7 @@ from kinematics.files.plain_text import finite_or_none
 from kinematics.foundation.facts import record, record_fields
 from kinematics.foundation.options import options
 from planner.place import Infeasible
+from pulsepath.docstrings import first_paragraph
 from pulsepath.process.exits import SCHEMA as SCHEMA
 from pulsepath.progress import as_json as as_json
 
@@ -32,20 +33,28 @@ Record = dict[str, Any]
 
 
 def record_realised(path: RealisedPath) -> Record:
-    """The path that the pulses make: its errors, in m or rad, under their bounds; "one_in": how thinly it was seen."""
+    """The path that the pulses make: its errors, in m or rad, under their bounds; "one_in": how
+    thinly it was seen.
+    """
     return {
         "of": path.mover,
         "instants": path.instants,
         "one_in": path.stride,
         "mechanics": list(path.mechanics),
-        "errors": {error.name: record_fields(error, "rms", "max", "bound", "unit", "where") for error in path.errors},
+        "errors": {
+            error.name: record_fields(error, "rms", "max", "bound", "unit", "where")
+            for error in path.errors
+        },
     }
 
 
 def record_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
     """The rig, and under each law the errors in m or rad, and the full steps that steppers lost."""
     laws = {
-        law.law: {series.name: record_fields(series, "rms", "p95", "max", "unit", "where") for series in law.series}
+        law.law: {
+            series.name: record_fields(series, "rms", "p95", "max", "unit", "where")
+            for series in law.series
+        }
         for law in metrics
     }
     lost = {law.law: 0 if law.lost_steps is None else int(law.lost_steps.sum()) for law in metrics}
@@ -66,7 +75,9 @@ def record_check(result: Standing) -> Record:
         "conditioning": None
         if result.conditioning is None
         else {"value": result.conditioning.value, "where": record(result.conditioning.place)},
-        "largest_use": {name: {"ratio": use, "where": record(place)} for name, (use, place) in largest},
+        "largest_use": {
+            name: {"ratio": use, "where": record(place)} for name, (use, place) in largest
+        },
     }
 
 
@@ -88,7 +99,9 @@ def record_doubts(doubts: Sequence[str]) -> Record:
     return {"verified": not doubts, "doubts": list(doubts)}
 
 
-def record_import(name: str, result: Imported, way: Outline, out: Path, image: Path | None) -> Record:
+def record_import(
+    name: str, result: Imported, way: Outline, out: Path, image: Path | None
+) -> Record:
     """Return the record of an imported program; lengths in m."""
     return {
         "format": name,
@@ -112,7 +125,14 @@ def record_posture(result: Posture) -> Record:
         "pose": {"home": record_place(from_home), "base": record_place(in_base)},
         "directions_rad": result.directions.tolist(),
         "axes": [
-            {"name": axis.name, "position": q, "from_home": away, "pulses": count, "unit": axis.unit, "travel_use": use}
+            {
+                "name": axis.name,
+                "position": q,
+                "from_home": away,
+                "pulses": count,
+                "unit": axis.unit,
+                "travel_use": use,
+            }
             for axis, q, away, count, use in zip(
                 result.machine.axes,
                 result.q.tolist(),
@@ -128,7 +148,9 @@ def record_posture(result: Posture) -> Record:
                 margins.tilt_names, result.tilt.tolist(), margins.max_tilt.tolist(), strict=True
             )
         ],
-        "clearance_m": dict(zip(margins.clearance_names, margins.clearance[0].tolist(), strict=True)),
+        "clearance_m": dict(
+            zip(margins.clearance_names, margins.clearance[0].tolist(), strict=True)
+        ),
         "room_use": dict(zip(margins.room_names, margins.room[0].tolist(), strict=True)),
         "conditioning": float(margins.conditioning[0]),
         "singularity": float(margins.singularity[0]),
@@ -158,7 +180,9 @@ def record_positions(listed: PositionList, file: str) -> Record:
 
 
 def record_arms(result: ArmSimulation, file: str) -> Record:
-    """Arm lengths at poses, turned ones simulated only; m and rad. off: null where no held plate has the lengths."""
+    """Arm lengths at poses, turned ones simulated only; m and rad. off: null where no held plate
+    has the lengths.
+    """
     return {
         "file": file,
         "machine": result.machine,
@@ -179,9 +203,13 @@ def record_rules() -> Record:
 
     return {
         name: {
-            "about": (rule.__doc__ or "").splitlines()[0],
+            "about": first_paragraph(rule),
             "options": {
-                field.name: {"about": field.metadata["help"], "default": field.default, "unit": field.metadata["unit"]}
+                field.name: {
+                    "about": field.metadata["help"],
+                    "default": field.default,
+                    "unit": field.metadata["unit"],
+                }
                 for field in options(rule).values()
             },
         }

@@ -155,7 +155,8 @@ def read(path: Path) -> SavedSession | None:
         raise MotionError(f"{path}: keys {keys} are not those of a register file")
     if schema == EARLIER_SCHEMA:
         record["counters"] = {
-            name: count if record["pulses"][name] > 0 else -count for name, count in record["registers"].items()
+            name: count if record["pulses"][name] > 0 else -count
+            for name, count in record["registers"].items()
         }
     return SavedSession(**record)
 

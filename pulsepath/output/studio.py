@@ -75,7 +75,11 @@ class Replanner:
         self.state, self.refused = f"planning {self._program.name} …", False
         with (
             subprocess.Popen(
-                self._command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8", errors="replace"
+                self._command,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                encoding="utf-8",
+                errors="replace",
             ) as process,
             on_forced_end(process.kill),
         ):

@@ -38,7 +38,12 @@ def show(tables: Iterable[Table]) -> None:
 def lay_out(table: Table) -> Layout:
     """Return the layout of a table, as data for JSON."""
     columns = [(column.title, column.numeric, column.whole) for column in table.read]
-    return {"title": table.title, "columns": columns, "rows": table.cells(), "notes": [*table.notes]}
+    return {
+        "title": table.title,
+        "columns": columns,
+        "rows": table.cells(),
+        "notes": [*table.notes],
+    }
 
 
 def list_tables(*results: Result) -> list[Table]:
@@ -87,7 +92,9 @@ def _list_tables(result: Result | None) -> tuple[Table, ...]:
 
 
 def sum_up_check(standing: Standing) -> list[Table]:
-    """Return the first screen of a check: use of the limits, and a line each for fits, blends and moves."""
+    """Return the first screen of a check: use of the limits, and a line each for fits, blends and
+    moves.
+    """
     from planner.path.outcome import describe_blends
     from planner.path.overshoot import describe_overshoot
     from planner.path.point_to_point import describe_departures
@@ -127,7 +134,9 @@ def sum_up_violations(violations: Sequence[MotionError]) -> list[MotionError | s
         where = ""
         if segments:
             where = f", in {count_noun(len(segments), 'segment')}, first in segment {min(segments)}"
-        lines.append(f"{limit}: {len(alike)} violations, at {', '.join(axes)}{where}; -v lists them")
+        lines.append(
+            f"{limit}: {len(alike)} violations, at {', '.join(axes)}{where}; -v lists them"
+        )
     return lines
 
 
@@ -154,10 +163,16 @@ def tabulate_rules(rules: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     for name, rule in rules.items():
         rows.append((name, "", "", rule["about"]))
         for option, facts in rule["options"].items():
-            default = "" if facts["default"] is None else f"{facts['default']:g} {facts['unit']}".rstrip()
+            default = (
+                "" if facts["default"] is None else f"{facts['default']:g} {facts['unit']}".rstrip()
+            )
             rows.append(("", option, default, facts["about"]))
     names, options, defaults, about = zip(*rows, strict=True)
-    columns = (Column("rule", names), Column("option", options), Column("default", defaults, right=True))
+    columns = (
+        Column("rule", names),
+        Column("option", options),
+        Column("default", defaults, right=True),
+    )
     return [Table("firing rules", (*columns, Column("", about)))]
 
 
@@ -181,11 +196,16 @@ def tabulate_machines(machines: Iterable[MachineSummary]) -> list[Table]:
             alike.setdefault(_limits(axis), []).append(axis.name)
         for n, (limits, names) in enumerate(alike.items()):
             some = ", ".join(names) if len(names) <= 3 else f"{names[0]} … {names[-1]}"
-            rows.append(("" if n else machine.name, some, "" if n else " ".join(machine.freedom), *limits))
+            rows.append(
+                ("" if n else machine.name, some, "" if n else " ".join(machine.freedom), *limits)
+            )
     heads = ("machine", "axes", "freedom", "travel", "pulse", "speed", "acceleration", "jerk")
     columns = zip(heads, zip(*rows, strict=True), strict=True)
     return [
-        Table("bundled machines", tuple(Column(head, cells, whole=head not in heads[1:3]) for head, cells in columns))
+        Table(
+            "bundled machines",
+            tuple(Column(head, cells, whole=head not in heads[1:3]) for head, cells in columns),
+        )
     ]
 
 
@@ -206,7 +226,10 @@ def _bound(bound: Magnitude | None, scale: float, unit: str) -> str:
 
 
 def show_plan(
-    out: Path, as_json: bool, all_tables: Callable[[], Sequence[Table]], first_screen: Callable[[], Sequence[Table]]
+    out: Path,
+    as_json: bool,
+    all_tables: Callable[[], Sequence[Table]],
+    first_screen: Callable[[], Sequence[Table]],
 ) -> None:
     """Print a plan that was written to a directory, at the requested verbosity."""
     import click
@@ -224,14 +247,19 @@ def show_plan(
         return
     pulses = written["pulses"]
     if level() == VERBOSE:
-        draw(_lay_out_shown(table, out / RECORD) for table in (*all_tables(), *tabulate_drives(pulses)))
+        draw(
+            _lay_out_shown(table, out / RECORD)
+            for table in (*all_tables(), *tabulate_drives(pulses))
+        )
     else:
         show(add_close_drives(first_screen(), pulses))
     say(f"report: {report}")
 
 
 def _lay_out_shown(table: Table, record: Path) -> Layout:
-    """Lay out a table; for a long one the rows that text shows, and the file that has the others."""
+    """Lay out a table; for a long one the rows that text shows, and the file that has the
+    others.
+    """
     layout = lay_out(table)
     if len(table) > MAX_SHOWN_ROWS:
         layout["rows"] = table.shown_cells()

@@ -40,10 +40,15 @@ def describe_interruption() -> str:
     """Return the message of an interrupted command."""
     if not _intent.targets:
         return "interrupted"
-    written = [str(target) for target, place, before in _intent.targets if _read_stamp(place) != before]
+    written = [
+        str(target) for target, place, before in _intent.targets if _read_stamp(place) != before
+    ]
     if written:
         return f"interrupted, after {' and '.join(written)} had been written"
-    names = [f"{target}, which is unchanged" if before else str(target) for target, _, before in _intent.targets]
+    names = [
+        f"{target}, which is unchanged" if before else str(target)
+        for target, _, before in _intent.targets
+    ]
     note = f"; {_intent.note}" if _intent.note else ""
     return f"interrupted: nothing was written to {' or '.join(names)}{note}"
 

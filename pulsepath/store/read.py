@@ -152,7 +152,9 @@ class StoredSource:
         if self.pulse_file is None or not holds_chunks(self.pulse_file):
             return None
         file = open_pulses(self.pulse_file)
-        unchanged = _states_same(file.stated, self.schedule) and digest_pulses(file.parts()) == self.digest
+        unchanged = (
+            _states_same(file.stated, self.schedule) and digest_pulses(file.parts()) == self.digest
+        )
         return file if unchanged else None
 
     def read_pulses(self, progress: Progress = ignore_progress) -> PulseSchedule:
@@ -179,7 +181,9 @@ class StoredSource:
 
 def _states_same(file: PulseSchedule, stated: PulseSchedule) -> bool:
     axes = range(len(stated.axes))
-    return len(file.axes) == len(axes) and all(list_statements(file, k) == list_statements(stated, k) for k in axes)
+    return len(file.axes) == len(axes) and all(
+        list_statements(file, k) == list_statements(stated, k) for k in axes
+    )
 
 
 @check_arguments()
@@ -269,7 +273,9 @@ def _read_firing(record: Record, file: Path) -> tuple[int, str, str | None]:
     try:
         find_rule(rule)
     except MotionError as error:
-        raise MotionError(f"{file} states an unknown firing rule ({error}): plan it again") from None
+        raise MotionError(
+            f"{file} states an unknown firing rule ({error}): plan it again"
+        ) from None
     return clock, rule, pulses.get("sha256")
 
 
@@ -306,7 +312,8 @@ def _read_request(record: Record, file: Path) -> PlanRequest:
 def _read_solution(record: Record, file: Path) -> tuple[int, tuple[str, ...], float]:
     """Return rounds, methods and lower estimate (s) of the solution, as a `Plan` has them.
 
-    The estimate is NaN if the record states none. Raises MotionError for a record without a solution.
+    The estimate is NaN if the record states none. Raises MotionError for a record without a
+    solution.
     """
     try:
         solver, bound = record["solver"], record.get("lower_bound") or {}
@@ -319,10 +326,14 @@ def _read_solution(record: Record, file: Path) -> tuple[int, tuple[str, ...], fl
             float(bound.get("duration_s", nan)),
         )
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise MotionError(f"{file} does not state its solution ({error!r}): plan it again") from None
+        raise MotionError(
+            f"{file} does not state its solution ({error!r}): plan it again"
+        ) from None
 
 
-def _state_pulses(record: Record, duration: float, machine: Machine, clock: int, rule: str) -> PulseSchedule:
+def _state_pulses(
+    record: Record, duration: float, machine: Machine, clock: int, rule: str
+) -> PulseSchedule:
     """Return the schedule that plan.json states, without its pulses.
 
     Raises MotionError if it states none.
@@ -338,12 +349,16 @@ def _state_pulses(record: Record, duration: float, machine: Machine, clock: int,
                 float(home),
                 float(each["bound_pulses"]),
             )
-            for axis, home, each in zip(machine.axes, machine.home_q, record["axes"].values(), strict=True)
+            for axis, home, each in zip(
+                machine.axes, machine.home_q, record["axes"].values(), strict=True
+            )
         ]
         moves = tuple(MovedPulses(**one) for one in record["moved_for_drives"])
         compensations = tuple(read_compensation(one) for one in record["compensations"])
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise MotionError(f"{RECORD} does not state its pulses ({error!r}): plan it again") from None
+        raise MotionError(
+            f"{RECORD} does not state its pulses ({error!r}): plan it again"
+        ) from None
     return PulseSchedule(clock, tuple(axes), duration, rule, moves, compensations)
 
 
@@ -353,7 +368,10 @@ def _origin(record: Record) -> Origin | None:
     Raises MotionError if the record does not state it.
     """
     inputs = record.get("inputs")
-    if not isinstance(inputs, dict) or not {"format", "options", "suffix", "fit_m"} <= inputs.keys():
+    if (
+        not isinstance(inputs, dict)
+        or not {"format", "options", "suffix", "fit_m"} <= inputs.keys()
+    ):
         raise MotionError(f"{RECORD} does not say how its program is read: plan it again")
     if inputs["format"] is None:
         return None
@@ -366,13 +384,20 @@ def _restore_orientation(program: Program, file: Path) -> Program:
     Raises MotionError if the choice is missing or unreadable.
     """
     try:
-        chosen = {int(k): np.array(controls, float) for k, controls in json.loads(file.read_bytes()).items()}
+        chosen = {
+            int(k): np.array(controls, float)
+            for k, controls in json.loads(file.read_bytes()).items()
+        }
         program = apply_choice(program, chosen)
     except FileNotFoundError:
         pass
     except (ValueError, TypeError, AttributeError, IndexError) as error:
-        raise MotionError(f"{file}: no orientation can be read from it ({error}): plan it again") from None
+        raise MotionError(
+            f"{file}: no orientation can be read from it ({error}): plan it again"
+        ) from None
     free = [getattr(segment, "free", None) for segment in program.segments]
     if any(each is not None and each.controls is None for each in free):
-        raise MotionError(f"{file}: the orientation chosen for free segments is missing: plan it again")
+        raise MotionError(
+            f"{file}: the orientation chosen for free segments is missing: plan it again"
+        )
     return program

@@ -33,7 +33,9 @@ PROVENANCE, FILES, SELF = "provenance", "files", "record"
 
 
 def seal_record(record: Record, folder: Path) -> Record:
-    """Return the record with the SHA-256 of every file in the folder, and of the record without its own digest."""
+    """Return the record with the SHA-256 of every file in the folder, and of the record without its
+    own digest.
+    """
     paths = sorted(path for path in folder.rglob("*") if path.is_file())
     files = {path.relative_to(folder).as_posix(): digest(path) for path in paths}
     known = {**record, PROVENANCE: {**record[PROVENANCE], FILES: files}}
@@ -123,7 +125,10 @@ def prove_motion(
 
 
 def describe_violation(certificate: Certificate, shaped: ShapedProof | None) -> str | None:
-    """Return why a motion does not keep its limits, by its worst one. None: it is proved that it does."""
+    """Return why a motion does not keep its limits, by its worst one.
+
+    None: it is proved that it does.
+    """
     proofs: list[tuple[str, Certificate | ShapedProof]] = [("", certificate)]
     if shaped is not None:
         proofs.append((" after its input shapers", shaped))
@@ -146,7 +151,9 @@ def _digest_record(record: Any) -> str:
 
 
 def refuse_own(folder: Path, target: Path, made: Path) -> None:
-    """Raise MotionError if `made`, in the target's place, would change a file of the plan in a folder."""
+    """Raise MotionError if `made`, in the target's place, would change a file of the plan in a
+    folder.
+    """
     record = json.loads((folder / RECORD).read_bytes())
     if changes(record, folder, RECORD, target, made):
         raise MotionError(
@@ -160,10 +167,12 @@ def check_pulses(
     source: PlanSource,
     progress: Progress = ignore_progress,
 ) -> PulseCheck:
-    """Check a file of pulses, or without a file the pulses themselves, against the motion of a plan.
+    """Check a file of pulses, or without a file the pulses themselves, against the motion of a
+    plan.
 
-    The motion of a plan that was made in parts is followed part by part, in little memory. A file of
-    edges, and pulses of axes that make up for play or lead error, are checked against the whole motion.
+    The motion of a plan that was made in parts is followed part by part, in little memory. A file
+    of edges, and pulses of axes that make up for play or lead error, are checked against the whole
+    motion.
     """
     if file is None:
         pulses = source.read_pulses(progress)

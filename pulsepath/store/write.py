@@ -79,7 +79,9 @@ def write_whole(folder: Path, job: Job, inputs: Inputs, pulses: str = "binary") 
     with step(f"checking {plan.pulses.total} pulses") as tell:
         verdict = check_pulses(file, plan.machine, plan.source, tell)
     _refuse_faults(verdict)
-    write_named(folder / CERTIFICATE, as_json(record_pulse_file(file, plan.pulses, plan.machine, verdict)))
+    write_named(
+        folder / CERTIFICATE, as_json(record_pulse_file(file, plan.pulses, plan.machine, verdict))
+    )
     if plan.triggers:
         with name_file(folder / TRIGGERS):
             plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
@@ -188,10 +190,11 @@ def write_parts(
 
     Return the content of its report, and the refusal that ended it early, if any.
 
-    tell: called after each part with the plan so far, and its number of segments in all repetitions.
+    tell: called after each part with the plan so far, and its number of segments in all
+    repetitions.
 
-    Raises what the parts raise, unless the report keeps the parts before that; Defect if the written
-    pulses fail the check.
+    Raises what the parts raise, unless the report keeps the parts before that; Defect if the
+    written pulses fail the check.
     """
     _write_inputs(folder, inputs)
     machine = inputs.machine
@@ -280,7 +283,9 @@ def _write_motion(
 
 
 def _examine(results: PlanReport, source: StoredSource, report: ReportRequest) -> PlanReport:
-    """Return the content of the report of the whole motion, with the results that were requested."""
+    """Return the content of the report of the whole motion, with the results that were
+    requested.
+    """
     standing = results.plan
     assert isinstance(standing, PlanStanding)
     plan = Plan(

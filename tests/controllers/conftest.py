@@ -38,7 +38,10 @@ def smooth(u):
 
 
 def quarter_sine(u, ramp=0.2):
-    """The speed is a quarter of a sine up, held, and down again: concave throughout. [Sahbaz 2007, Appendix B]"""
+    """The speed is a quarter of a sine up, held, and down again: concave throughout.
+
+    [Sahbaz 2007, Appendix B]
+    """
     w = np.pi / 2 / ramp
     top = 1 / (2 / w + 1 - 2 * ramp)
     rising, falling = u < ramp, u > 1 - ramp
@@ -77,19 +80,31 @@ def axis_motion(rig):
 def hexapod():
     """[Sahbaz 2007, chapter 5]."""
     axes = tuple(Axis(f"leg{i + 1}", pulse=PULSE) for i in range(6))
-    base, platform = joint_circle(0.149, np.deg2rad(30), 0.0115), joint_circle(0.1, np.deg2rad(60), -0.011)
-    return Hexapod(base, platform, axes=axes, home=RigidTransform.from_components([0, 0, HEIGHT], Rotation.identity()))
+    base, platform = (
+        joint_circle(0.149, np.deg2rad(30), 0.0115),
+        joint_circle(0.1, np.deg2rad(60), -0.011),
+    )
+    return Hexapod(
+        base,
+        platform,
+        axes=axes,
+        home=RigidTransform.from_components([0, 0, HEIGHT], Rotation.identity()),
+    )
 
 
 def pose(x, y, z, angles=(0, 0, 0)):
     """mm from home and degrees about the moving axes."""
     position = np.array([x, y, z]) * 1e-3 + [0, 0, HEIGHT]
-    return RigidTransform.from_components(position, Rotation.from_euler("XYZ", angles, degrees=True))
+    return RigidTransform.from_components(
+        position, Rotation.from_euler("XYZ", angles, degrees=True)
+    )
 
 
 @pytest.fixture(scope="session")
 def circle_trip(hexapod):
-    """Up, round a circle of 15 mm, a turn on the spot, a line inwards: a trapezoid of speed on each."""
+    """Up, round a circle of 15 mm, a turn on the spot, a line inwards: a trapezoid of speed on
+    each.
+    """
     rim, tilted = pose(15, 0, 10), pose(0, 15, 10, (4, -3, 0))
     pieces = [
         line(pose(15, 0, 6), rim, 4e-3, 1),
@@ -123,4 +138,6 @@ def trapezoids(path, speed, acceleration):
             knots.append(knots[-1] + seconds)
             s.append(at), v.append(start), a.append(rate), piece.append(i)
     none = np.zeros(len(s))
-    return Trajectory(path, np.array(knots), np.array(s), np.array(v), np.array(a), none, np.array(piece))
+    return Trajectory(
+        path, np.array(knots), np.array(s), np.array(v), np.array(a), none, np.array(piece)
+    )

@@ -1,4 +1,6 @@
-"""Tracking on a servo that the tests state: `leg_servo` behind every axis, unless another is given."""
+"""Tracking on a servo that the tests state: `leg_servo` behind every axis, unless another is
+given.
+"""
 
 from controllers import Rig, tracking
 from controllers.rig import assumed_rig
@@ -8,5 +10,7 @@ def track(motion, machine, law, *, servo=None, **options):
     """servo: one for all axes, or one per axis."""
     rig = assumed_rig(machine)
     if servo is not None:
-        rig = Rig(machine, tuple(servo) if isinstance(servo, list) else (servo,) * len(machine.axes))
+        rig = Rig(
+            machine, tuple(servo) if isinstance(servo, list) else (servo,) * len(machine.axes)
+        )
     return tracking.track(motion, machine, law, rig=rig, **options)

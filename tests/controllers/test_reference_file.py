@@ -1,4 +1,6 @@
-"""References from files: what they say is what the host commands, and what is wrong with them is named."""
+"""References from files: what they say is what the host commands, and what is wrong with them is
+named.
+"""
 
 import numpy as np
 import pytest
@@ -49,7 +51,9 @@ def table(speeds=True, delimiter=", ", start=0.0):
     names = ["time [s]", "yaw [deg]", "Elbow [deg]"] + ["yaw speed [deg/s]"] * speeds
     rows = [names]
     for t, yaw, rate, elbow in zip(T, YAW, YAW_SPEED, ELBOW, strict=True):
-        rows.append([f"{value:.15g}" for value in (t + start, yaw, elbow, *([rate] if speeds else []))])
+        rows.append(
+            [f"{value:.15g}" for value in (t + start, yaw, elbow, *([rate] if speeds else []))]
+        )
     return "\n".join(delimiter.join(row) for row in rows) + "\n"
 
 
@@ -81,9 +85,12 @@ def test_between_samples_it_is_the_hermite_cubic(load):
     np.testing.assert_allclose(moved, own(t), atol=1e-9)
     np.testing.assert_allclose(np.rad2deg(state.qd[:, 0]), own(t, 1), atol=1e-8)
     inside = slice(1, -1)
-    np.testing.assert_allclose(np.rad2deg(state.qdd[inside, 0])[::7], own(t[inside], 2)[::7], atol=1e-6)
+    np.testing.assert_allclose(
+        np.rad2deg(state.qdd[inside, 0])[::7], own(t[inside], 2)[::7], atol=1e-6
+    )
     assert np.abs(moved - 30 * np.sin(t)).max() < 8.1e-6
-    # without stated speeds the parabolas' are h²/6 of the third derivative off: 30° · 0.01/6 = 0.05°/s
+    # without stated speeds the parabolas' are h²/6 of the third derivative off: 30° · 0.01/6 =
+    # 0.05°/s
     plain = load(table(speeds=False)).task("recorded").motion.at(T).qd[:, 0]
     assert np.abs(np.rad2deg(plain) - YAW_SPEED)[1:-1].max() < 0.051
 
@@ -129,7 +136,11 @@ def test_a_sweep_runs_it_and_knows_it_by_its_content(load, tmp_path):
         ("time [s], yaw\n0, 1\n1, 2\n", 1, r'has no unit: write e.g. "yaw \[deg\]"'),
         ("time [s], yaw [mm]\n0, 1\n1, 2\n", 1, "mm"),
         ("time [s], yaw [deg], yaw [rad]\n0, 1, 1\n1, 2, 1\n", 1, "yaw appears twice"),
-        ("time [s], yaw [deg], elbow speed [deg/s]\n0, 1, 1\n1, 2, 1\n", 1, "elbow speed without elbow"),
+        (
+            "time [s], yaw [deg], elbow speed [deg/s]\n0, 1, 1\n1, 2, 1\n",
+            1,
+            "elbow speed without elbow",
+        ),
         ("time [s], yaw [deg]\n0, 1\n0, 2\n", 3, "time 0 s does not rise from 0 s"),
         ("time [s], yaw [deg]\n0, 1\n1, nan\n", 3, '"nan" is not a finite number'),
         ("time [s], yaw [deg]\n0, 1\n1, x\n", 3, '"x" is not a finite number'),

@@ -37,17 +37,24 @@ def test_every_bundled_machine_has_one_bundled_rig(name):
 
 
 def test_a_stepper_machine_is_tracked_on_steppers(hexapod, motion):
-    """The hexapod's rotors hang on to their fields: a servo of 30 1/s would come 20 mm/s / 30 1/s = 0.7 mm behind."""
+    """The hexapod's rotors hang on to their fields: a servo of 30 1/s would come 20 mm/s / 30 1/s =
+    0.7 mm behind.
+    """
     tracking = track(motion, hexapod, find_law("3"), period=1e-3)
     assert tracking.rig == "hexapod-steppers"
     assert "hexapod-steppers" in str(tracking)
     screw = load_rig("hexapod-steppers").drives[0]
     # a rotor within a full step of its field, half the play, and half a pulse
-    assert np.abs(tracking.actual - tracking.reference).max() < screw.full_step + screw.play / 2 + 1e-6 + 20e-3 * 2e-3
+    assert (
+        np.abs(tracking.actual - tracking.reference).max()
+        < screw.full_step + screw.play / 2 + 1e-6 + 20e-3 * 2e-3
+    )
 
 
 def test_no_servo_is_made_up(hexapod, motion):
-    """Of other axes, other steps, or of another kind, no bundled rig is taken, and none is invented."""
+    """Of other axes, other steps, or of another kind, no bundled rig is taken, and none is
+    invented.
+    """
     axes = tuple(replace(axis, pulse=2 * axis.pulse) for axis in hexapod.axes)
     home = hexapod.home_q
     for machine in (
@@ -55,23 +62,32 @@ def test_no_servo_is_made_up(hexapod, motion):
         SimpleNamespace(name="own", axes=axes, home_q=home),
     ):
         assert fitting_rigs(machine) == ()
-        with pytest.raises(MotionError, match=r"drives of own are not known: no bundled rig fits .* rig file"):
+        with pytest.raises(
+            MotionError, match=r"drives of own are not known: no bundled rig fits .* rig file"
+        ):
             track(motion, machine, find_law("3"))
 
 
 def test_what_does_not_fit_is_named(hexapod):
     traverser, rig = load_machine("traverser"), load_rig("hexapod-steppers")
     with pytest.raises(
-        MotionError, match=r"hexapod-steppers does not fit traverser: .* hexapod, .* traverser; .*traverser-steppers"
+        MotionError,
+        match=r"hexapod-steppers does not fit traverser: .* hexapod, .* traverser; .*traverser-steppers",
     ):
         choose_rig(traverser, "hexapod-steppers")
     coarse = SimpleNamespace(**{name: getattr(hexapod, name) for name in ("name", "home_q")})
     coarse.axes = (*hexapod.axes[:5], replace(hexapod.axes[5], pulse=1.5e-6))
-    own = replace(rig, machine=SimpleNamespace(name="mine", axes=hexapod.axes, home_q=hexapod.home_q))
-    with pytest.raises(MotionError, match=r"a pulse of leg6 is 0\.75 µm on it and 1\.5 µm on the machine"):
+    own = replace(
+        rig, machine=SimpleNamespace(name="mine", axes=hexapod.axes, home_q=hexapod.home_q)
+    )
+    with pytest.raises(
+        MotionError, match=r"a pulse of leg6 is 0\.75 µm on it and 1\.5 µm on the machine"
+    ):
         fit_rig(own, coarse)
     coarse.axes = hexapod.axes[:5]
-    with pytest.raises(MotionError, match=r"it has drives for leg1, .*leg6; the machine's axes are leg1, .*leg5"):
+    with pytest.raises(
+        MotionError, match=r"it has drives for leg1, .*leg6; the machine's axes are leg1, .*leg5"
+    ):
         fit_rig(own, coarse)
     coarse.axes = (*hexapod.axes[:5], replace(hexapod.axes[5], kind="rotary"))
     with pytest.raises(MotionError, match="its leg6 is linear, the machine's is rotary"):

@@ -1,4 +1,6 @@
-"""Rig files: the bundled ones say what the thesis says, and a faulty one says everything that is wrong with it."""
+"""Rig files: the bundled ones say what the thesis says, and a faulty one says everything that is
+wrong with it.
+"""
 
 from importlib.resources import files
 
@@ -38,7 +40,10 @@ def test_the_thesis_rig_is_table_7_4():
     rig = load_rig("servo-rig")
     yaw, shoulder, elbow = rig.drives
     assert yaw == shoulder
-    assert [(d.position_gain, d.speed_loop, d.integral_time) for d in (yaw, elbow)] == [(30, 30, 0.03), (20, 20, 0.045)]
+    assert [(d.position_gain, d.speed_loop, d.integral_time) for d in (yaw, elbow)] == [
+        (30, 30, 0.03),
+        (20, 20, 0.045),
+    ]
     # Pn103: the load's inertia over the rotor's; the motor's side is 74 times as fast as the axis
     assert yaw.inertia == pytest.approx(4.49e-6 * (1 + 11.8) * 74**2, rel=1e-12)
     assert yaw.torque_limit == pytest.approx(0.955 * 74, rel=1e-12)
@@ -49,7 +54,9 @@ def test_the_thesis_rig_is_table_7_4():
 
 
 def test_the_thesis_reference_is_its_line_in_its_time():
-    """From (0.51171, 0.3705, 0) to (0, 0.5, 0.3) m in 5 s, straight; 41 samples of 0.125 s; V₀ of Appendix B."""
+    """From (0.51171, 0.3705, 0) to (0, 0.5, 0.3) m in 5 s, straight; 41 samples of 0.125 s; V₀ of
+    Appendix B.
+    """
     rig = load_rig("servo-rig")
     line = rig.task("line")
     assert line.dt == 0.125
@@ -65,7 +72,9 @@ def test_the_thesis_reference_is_its_line_in_its_time():
     top = np.linalg.norm(end - start) / (2 / omega + 5 - 2)
     # the profile's parts of constant jerk follow the sine to 2.3e-6 of its largest speed
     assert np.linalg.norm(state.tool_velocity[20]) == pytest.approx(top, rel=3e-6)
-    assert np.linalg.norm(state.tool_velocity[4]) == pytest.approx(top * np.sin(omega / 2), rel=3e-6)
+    assert np.linalg.norm(state.tool_velocity[4]) == pytest.approx(
+        top * np.sin(omega / 2), rel=3e-6
+    )
 
 
 def test_the_second_reference_is_its_sine():
@@ -127,7 +136,12 @@ def test_faults_of_tasks_are_told_with_the_others(load):
     with pytest.raises(FileError) as refusal:
         load(broken)
     told = {fault.key: fault.message for fault in refusal.value.faults}
-    assert set(told) == {"servo.speed_lop", "servo.speed_loop", "task[1].program", "task[2].sine.axes[2]"}
+    assert set(told) == {
+        "servo.speed_lop",
+        "servo.speed_loop",
+        "task[1].program",
+        "task[2].sine.axes[2]",
+    }
     assert 'nearest is "arm-line"' in told["task[1].program"]
     assert 'nearest is "shoulder"' in told["task[2].sine.axes[2]"]
     lines = [fault.line for fault in refusal.value.faults]
@@ -139,12 +153,28 @@ def test_faults_of_tasks_are_told_with_the_others(load):
     [
         (('machine = "arm"', 'machine = "leg"'), "machine", "no machine is called"),
         (('machine = "arm"\n', ""), "machine", "missing: write the name of a machine"),
-        (('gear = { ratio = 74, play = "2 arcmin" }', ""), "servo.gear", "missing: write e.g. { ratio = 74 }"),
-        (("gear = { ratio", 'screw = { lead = "2 mm" }\ngear = { ratio'), "servo.screw", "are rotary: give a gear"),
+        (
+            ('gear = { ratio = 74, play = "2 arcmin" }', ""),
+            "servo.gear",
+            "missing: write e.g. { ratio = 74 }",
+        ),
+        (
+            ("gear = { ratio", 'screw = { lead = "2 mm" }\ngear = { ratio'),
+            "servo.screw",
+            "are rotary: give a gear",
+        ),
         (("[servo]", "[stepper]"), "axis[1].servo.gear", "missing"),
-        (('program = "arm-line"', 'program = "arm-lin"'), "task[1].program", 'nearest is "arm-line"'),
+        (
+            ('program = "arm-line"', 'program = "arm-lin"'),
+            "task[1].program",
+            'nearest is "arm-line"',
+        ),
         (('ramp = "1 s"', 'ramp = "3 s"'), "task[1]", "does not fit twice"),
-        (('"yaw", "shoulder"', '"yaw", "sholder"'), "task[2].sine.axes[2]", 'nearest is "shoulder"'),
+        (
+            ('"yaw", "shoulder"', '"yaw", "sholder"'),
+            "task[2].sine.axes[2]",
+            'nearest is "shoulder"',
+        ),
         (('timer = "counter"', 'timer = "clock"'), "host.timer", "is not"),
     ],
 )
@@ -164,18 +194,36 @@ def test_unknown_names_are_told_with_the_nearest():
 
 
 def test_files_beside_a_rig_are_found(load, tmp_path):
-    (tmp_path / "path.toml").write_text((files("planner") / "presets" / "arm-line.toml").read_text())
+    (tmp_path / "path.toml").write_text(
+        (files("planner") / "presets" / "arm-line.toml").read_text()
+    )
     rig = load(TEXT.replace('program = "arm-line"', 'program = "path.toml"'))
     assert rig.task("line").motion.duration == pytest.approx(5.0)
 
 
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     st.integers(0, len(TEXT)),
     st.integers(0, 12),
     st.one_of(
         st.text(max_size=4),
-        st.sampled_from(["nan", "-1", "1e999", "[", "]]", "{", '"', "[[axis]]\n", "[stepper]\n", "true", '"inf s"']),
+        st.sampled_from(
+            [
+                "nan",
+                "-1",
+                "1e999",
+                "[",
+                "]]",
+                "{",
+                '"',
+                "[[axis]]\n",
+                "[stepper]\n",
+                "true",
+                '"inf s"',
+            ]
+        ),
     ),
 )
 def test_any_damage_to_a_file_is_a_rig_or_a_motion_error(load, at, cut, patch):
@@ -188,7 +236,9 @@ def test_any_damage_to_a_file_is_a_rig_or_a_motion_error(load, at, cut, patch):
 
 
 def test_a_card_is_set_as_the_file_says(load):
-    card = load(TEXT.replace('speed_range = "100000 1/s"', 'speed_range = "50 kHz", while_moving = "queue"')).card
+    card = load(
+        TEXT.replace('speed_range = "100000 1/s"', 'speed_range = "50 kHz", while_moving = "queue"')
+    ).card
     assert (card.name, card.while_moving) == ("PCI-8164", "queue")
     assert card.speed_range == pytest.approx(5e4)
     options = 'start_from = "current", short_moves = "keep time"'
@@ -198,6 +248,12 @@ def test_a_card_is_set_as_the_file_says(load):
     text = TEXT.replace('speed_range = "100000 1/s"', options)
     text = text.replace("seed = 1 }", 'seed = 1, speed_from = "card", closing_stop = "1 ms" }')
     rig = load(text)
-    assert (rig.card.current_speed, rig.host.speed_from, rig.host.closing_stop) == ("magnitude", "card", 1e-3)
-    plain = load(TEXT.replace('{ model = "PCI-8164", speed_range = "100000 1/s" }', '"PCI-8164"')).card
+    assert (rig.card.current_speed, rig.host.speed_from, rig.host.closing_stop) == (
+        "magnitude",
+        "card",
+        1e-3,
+    )
+    plain = load(
+        TEXT.replace('{ model = "PCI-8164", speed_range = "100000 1/s" }', '"PCI-8164"')
+    ).card
     assert plain.speed_range is None

@@ -8,7 +8,9 @@ from kinematics import MotionError
 
 
 def test_a_counter_is_exact():
-    np.testing.assert_array_equal(instants([Host()], "counter", 0.125, 40)[:, 0], np.arange(41) * 0.125)
+    np.testing.assert_array_equal(
+        instants([Host()], "counter", 0.125, 40)[:, 0], np.arange(41) * 0.125
+    )
 
 
 def test_sleep_wakes_on_ticks_and_drifts_by_what_is_left_to_them():
@@ -22,7 +24,9 @@ def test_sleep_wakes_on_ticks_and_drifts_by_what_is_left_to_them():
 def test_a_law_may_ask_for_sleep():
     host = Host(granularity=15e-3, seed=3)
     slept = instants([host], "sleep", 0.1, 50)
-    np.testing.assert_array_equal(slept, instants([Host("sleep", 15e-3, seed=3)], "counter", 0.1, 50))
+    np.testing.assert_array_equal(
+        slept, instants([Host("sleep", 15e-3, seed=3)], "counter", 0.1, 50)
+    )
     assert slept[-1, 0] > instants([host], "counter", 0.1, 50)[-1, 0] + 0.2
 
 

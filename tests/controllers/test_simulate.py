@@ -18,7 +18,9 @@ PULSE = 0.75e-6
 
 
 def test_steady_following_error_is_speed_over_gain(rig, axis_motion):
-    """v/Kv at the constant speed of the quarter-sine, to the steps of command (1 pulse) and encoder (1/8 pulse)."""
+    """v/Kv at the constant speed of the quarter-sine, to the steps of command (1 pulse) and encoder
+    (1/8 pulse).
+    """
     motion = axis_motion("quarter-sine", (40_000, -25_000, 10_000), duration=2.0)
     tracking = track(motion, rig, OpenPosition())
     middle = (tracking.t > 1.2) & (tracking.t < 1.5)
@@ -31,8 +33,15 @@ def test_instants_are_those_of_the_drives_and_reach_past_the_settling(rig, axis_
     tracking = track(axis_motion("smooth", duration=0.333), rig, OpenPosition(), settle=0.2)
     np.testing.assert_allclose(np.diff(tracking.t), 0.25e-3, rtol=1e-9)
     assert 0.333 + 0.2 <= tracking.t[-1] + 0.25e-3 <= 0.333 + 0.2 + 2 * tracking.dt
-    assert tracking.reference.shape == tracking.command.shape == tracking.actual.shape == (len(tracking.t), 3)
-    np.testing.assert_array_equal(tracking.reference[-1], axis_motion("smooth", duration=0.333).at(1.0).q)
+    assert (
+        tracking.reference.shape
+        == tracking.command.shape
+        == tracking.actual.shape
+        == (len(tracking.t), 3)
+    )
+    np.testing.assert_array_equal(
+        tracking.reference[-1], axis_motion("smooth", duration=0.333).at(1.0).q
+    )
 
 
 def test_results_are_values(rig, axis_motion):
@@ -50,12 +59,17 @@ def test_command_is_whole_pulses_from_home(rig, axis_motion):
 
 def test_a_plan_is_tracked_by_its_trajectory(rig, axis_motion):
     motion = axis_motion("smooth")
-    a, b = (track(what, rig, OpenPosition(), settle=0.1) for what in (motion, SimpleNamespace(trajectory=motion)))
+    a, b = (
+        track(what, rig, OpenPosition(), settle=0.1)
+        for what in (motion, SimpleNamespace(trajectory=motion))
+    )
     np.testing.assert_array_equal(a.actual, b.actual)
 
 
 def test_a_plan_may_start_away_from_home(rig, axis_motion):
-    """The axes and the counters stand at the start when the motion begins: no jump, whatever the start."""
+    """The axes and the counters stand at the start when the motion begins: no jump, whatever the
+    start.
+    """
     motion = axis_motion("smooth")
     shifted = replace(motion, home=motion.home + np.array([0.01, -0.02, 0.03]))
     a, b = track(motion, rig, OpenPosition()), track(shifted, rig, OpenPosition())
@@ -67,13 +81,17 @@ def test_servos_may_differ_by_axis(rig, axis_motion):
     motion = axis_motion("smooth", (10_000, 10_000, 10_000))
     plain = leg_servo(rig.axes[0])
     gains = (15.0, 30.0, 60.0)
-    tracking = track(motion, rig, OpenPosition(), servo=[replace(plain, position_gain=gain) for gain in gains])
+    tracking = track(
+        motion, rig, OpenPosition(), servo=[replace(plain, position_gain=gain) for gain in gains]
+    )
     rms = np.sqrt(np.mean((tracking.reference - tracking.actual) ** 2, 0))
     assert rms[0] > 1.5 * rms[1] > 2.25 * rms[2]
 
 
 def test_reference_speed_is_the_derivative_of_its_position(rig, axis_motion):
-    """What a law sees: the trapezoid rule over the speeds gives the positions, to dt² q̈/12; `ang` in whole pulses."""
+    """What a law sees: the trapezoid rule over the speeds gives the positions, to dt² q̈/12; `ang`
+    in whole pulses.
+    """
     motion, dt = axis_motion("smooth"), 1e-3
     reference = sample(motion, rig, dt)
     assert reference.steps == 1000
@@ -99,7 +117,9 @@ def test_misfits_are_refused(rig, axis_motion, change, reason):
 
 
 def test_a_motion_beyond_the_card_is_refused(rig, axis_motion):
-    """4e6 pulses in a second need 8.75e6 pulses/s at the middle; then a way of 2e6 that ends beyond the counter."""
+    """4e6 pulses in a second need 8.75e6 pulses/s at the middle; then a way of 2e6 that ends beyond
+    the counter.
+    """
     with pytest.raises(Refused, match=r"channel 2: max speed .*2400000"):
         track(axis_motion("smooth", (1000, -4_000_000, 0)), rig, OpenPosition())
     motion = axis_motion("smooth", (0, 0, 2e6), duration=2.0)

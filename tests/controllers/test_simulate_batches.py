@@ -31,9 +31,13 @@ def short(rig):
 def others(rig):
     """Rigs that differ in whatever rigs of a batch may differ in."""
     sleepy = [replace(rig, host=Host("sleep", 5e-3, 1e-3, seed)) for seed in (1, 2)]
-    late = replace(rig, drives=(*rig.drives[:2], replace(rig.drives[2], loop_delay=3, command_delay=0)))
+    late = replace(
+        rig, drives=(*rig.drives[:2], replace(rig.drives[2], loop_delay=3, command_delay=0))
+    )
     seen = replace(rig, drives=(replace(rig.drives[0], feedback="output"), *rig.drives[1:]))
-    smooth = replace(rig, drives=tuple(replace(drive, coulomb=0.0, play=0.0) for drive in rig.drives))
+    smooth = replace(
+        rig, drives=tuple(replace(drive, coulomb=0.0, play=0.0) for drive in rig.drives)
+    )
     return [rig, disturb_rig(rig, inertia=1.3, friction=0.7), *sleepy, late, seen, smooth, rig]
 
 
@@ -41,9 +45,13 @@ def others(rig):
 def test_a_run_is_the_same_in_a_batch_and_alone(rig, short, law):
     rigs = others(rig)
     gains = np.linspace(0.3, 0.9, len(rigs))
-    batch = simulate(short, find_law(law, **({} if law == "1" else {"gain": gains[:, None]})), rigs, settle=0.1)
+    batch = simulate(
+        short, find_law(law, **({} if law == "1" else {"gain": gains[:, None]})), rigs, settle=0.1
+    )
     for b, own in enumerate(rigs):
-        alone = simulate(short, find_law(law, **({} if law == "1" else {"gain": gains[b]})), [own], settle=0.1)
+        alone = simulate(
+            short, find_law(law, **({} if law == "1" else {"gain": gains[b]})), [own], settle=0.1
+        )
         until = len(alone.t)
         for name in ("command", "actual", "measured", "speed", "torque"):
             ours, theirs = getattr(batch, name)[:until, b], getattr(alone, name)[:, 0]
@@ -90,7 +98,8 @@ def test_steppers_follow_their_task_and_lose_steps_when_it_is_hurried():
     assert np.abs(calm.actual[-1] - calm.command[-1]).max() <= half_play + 1
     assert hurried.lost.all()
     assert not (hurried.lost % 4).any()
-    # without an encoder the host reads what it sent; two pulses make a step: slips back and forth may cancel
+    # without an encoder the host reads what it sent; two pulses make a step: slips back and forth
+    # may cancel
     np.testing.assert_array_equal(hurried.measured[-1], hurried.command[-1])
     missing = np.abs(hurried.actual[-1] - hurried.command[-1]) / 2.032
     assert (missing <= hurried.lost + 4).all()
@@ -99,8 +108,12 @@ def test_steppers_follow_their_task_and_lose_steps_when_it_is_hurried():
 
 def test_servos_and_steppers_share_a_machine(rig):
     """Each axis as it would be alone among its kind."""
-    stepper = replace(load_rig("hexapod-steppers").drives[0], full_step=2 * np.pi / 200 / 74, inertia=3.0)
-    stepper = replace(stepper, torque_speed=((0.0, 40.0), (3.0, 10.0)), damping=5.0, friction=0.0, coulomb=0.1)
+    stepper = replace(
+        load_rig("hexapod-steppers").drives[0], full_step=2 * np.pi / 200 / 74, inertia=3.0
+    )
+    stepper = replace(
+        stepper, torque_speed=((0.0, 40.0), (3.0, 10.0)), damping=5.0, friction=0.0, coulomb=0.1
+    )
     mixed = bank([(rig.drives[0], stepper, rig.drives[2])])
     command = np.linspace(0, 0.01, 200)[:, None, None] * np.array([1.0, -1.0, 0.5])
     told, state = mixed.run(mixed.standing(np.zeros((1, 3))), command, np.arange(200))
@@ -120,4 +133,6 @@ def test_what_is_no_batch_is_refused(rig, short):
     with pytest.raises(MotionError, match="machine or card"):
         simulate(short, law, [rig, replace(rig, card=replace(rig.card, while_moving="queue"))])
     with pytest.raises(MotionError, match="reference has 2 columns, the rig 3 axes"):
-        simulate(replace(short, position=short.position[:, :2], speed=short.speed[:, :2]), law, [rig])
+        simulate(
+            replace(short, position=short.position[:, :2], speed=short.speed[:, :2]), law, [rig]
+        )

@@ -1,11 +1,15 @@
-"""Runs a page of docs/: what a reader would type and write, in order, in one directory, against what the page shows.
+"""Runs a page of docs/: what a reader would type and write, in order, in one directory, against
+what the page shows.
 
-- A fence whose first line is a comment that names a file ("# part.toml", "; part.nc") is that file; so is the file of
-  a `literalinclude` of docs/examples or of presets.
-- Any other ```python fence is run; all of a page share their names. A ```text fence right after it is what it prints.
-- A ```console fence holds commands, each after "$ ", and what they print; a comment "# exit code 1" says how one ends.
-  A command that shows nothing may print anything. One that ends with " &" runs until the page ends.
-- Of a command that fails, errors are shown as well; how far it is, which goes to the standard error, never is.
+- A fence whose first line is a comment that names a file ("# part.toml", "; part.nc") is that file;
+  so is the file of a `literalinclude` of docs/examples or of presets.
+- Any other ```python fence is run; all of a page share their names. A ```text fence right after it
+  is what it prints.
+- A ```console fence holds commands, each after "$ ", and what they print; a comment "# exit code 1"
+  says how one ends. A command that shows nothing may print anything. One that ends with " &" runs
+  until the page ends.
+- Of a command that fails, errors are shown as well; how far it is, which goes to the standard
+  error, never is.
 - "..." stands for any text, and runs of spaces are alike, as in doctest.
 """
 
@@ -24,7 +28,9 @@ from typing import Any
 from click.testing import CliRunner
 
 DOCS = Path(__file__).parents[2] / "docs"
-FENCE = re.compile(r"^(?P<ticks>`{3,})(?P<info>[^\n`]*)\n(?P<body>.*?)^(?P=ticks)[ ]*$", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(
+    r"^(?P<ticks>`{3,})(?P<info>[^\n`]*)\n(?P<body>.*?)^(?P=ticks)[ ]*$", re.MULTILINE | re.DOTALL
+)
 FILE = re.compile(r"(?:#|;|//) (?P<name>[\w./-]+\.\w+)\n")
 LOOSE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 PROGRESS = re.compile(r"^.*(?:…|: [\d.]+ s)\n", re.MULTILINE)
@@ -33,7 +39,9 @@ EXIT = re.compile(r"\s+# exit code (\d)$")
 
 @dataclass(frozen=True)
 class Fence:
-    """A fenced block: its language, text and line, and whether only blank lines part it from the last."""
+    """A fenced block: its language, text and line, and whether only blank lines part it from the
+    last.
+    """
 
     language: str
     body: str
@@ -46,14 +54,22 @@ def fences(text: str) -> list[Fence]:
     for match in FENCE.finditer(text):
         gap = text[end : match.start()]
         found.append(
-            Fence(match["info"].strip(), match["body"], text.count("\n", 0, match.start()) + 1, not gap.strip())
+            Fence(
+                match["info"].strip(),
+                match["body"],
+                text.count("\n", 0, match.start()) + 1,
+                not gap.strip(),
+            )
         )
         end = match.end()
     return found
 
 
 def run(page: Path) -> int:
-    """Run a page in the current directory; how many blocks were run or written. Raises AssertionError where it lies."""
+    """Run a page in the current directory; how many blocks were run or written.
+
+    Raises AssertionError where it lies.
+    """
     with contextlib.ExitStack() as background:
         return run_blocks(page, background)
 
@@ -92,12 +108,16 @@ def console(where: str, text: str, background: contextlib.ExitStack) -> None:
         if words[-1] == "&":
             silent = subprocess.DEVNULL
             process = background.enter_context(
-                subprocess.Popen(find_program(words[:-1]), stdout=silent, stderr=silent, env=environment())
+                subprocess.Popen(
+                    find_program(words[:-1]), stdout=silent, stderr=silent, env=environment()
+                )
             )
             background.callback(process.terminate)
             continue
         code, printed, complained = pulsepath(words) if words[0] == "pulsepath" else other(words)
-        assert code == (int(told[1]) if told else 0), f"{where}: {command}\nended with {code}\n{printed}{complained}"
+        assert code == (int(told[1]) if told else 0), (
+            f"{where}: {command}\nended with {code}\n{printed}{complained}"
+        )
         if shown.strip():
             agree(f"{where}: {command}", shown, printed + complained if code else printed)
 
@@ -110,7 +130,9 @@ def pulsepath(words: list[str]) -> tuple[int, str, str]:
 
 
 def other(words: list[str]) -> tuple[int, str, str]:
-    done = subprocess.run(find_program(words), capture_output=True, text=True, encoding="utf-8", env=environment())
+    done = subprocess.run(
+        find_program(words), capture_output=True, text=True, encoding="utf-8", env=environment()
+    )
     return done.returncode, done.stdout, done.stderr
 
 

@@ -1,4 +1,6 @@
-"""Every public name stands on exactly one page of the API, and docstrings come out as they were written."""
+"""Every public name stands on exactly one page of the API, and docstrings come out as they were
+written.
+"""
 
 import inspect
 import re
@@ -19,7 +21,9 @@ from docstrings import _plain, as_rest  # noqa: E402
 
 def test_every_public_name_is_on_exactly_one_page():
     pages = (page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md"))
-    assert Counter(name for page in pages for name in DOCUMENTED.findall(page)) == Counter(pulsepath.__all__)
+    assert Counter(name for page in pages for name in DOCUMENTED.findall(page)) == Counter(
+        pulsepath.__all__
+    )
 
 
 @pytest.mark.parametrize(
@@ -27,7 +31,10 @@ def test_every_public_name_is_on_exactly_one_page():
     [
         ("q* and |x|, a_b and name_ of `J`.", r"q\* and \|x\|, a\_b and name\_ of ``J``."),
         ("What:\n\n    x = s * t_0\n\nand so on", "What:\n\n::\n\n   x = s * t_0\n\nand so on"),
-        ("s    path length\nq_i  axes,\n     of each", "s\n    path length\nq\\_i\n    axes,\n    of each"),
+        (
+            "s    path length\nq_i  axes,\n     of each",
+            "s\n    path length\nq\\_i\n    axes,\n    of each",
+        ),
         ("s      path length\nlength of it", "s\n    path length\nlength\n    of it"),
         ("s    path length\n     of it\nRaises it.", "s\n    path length\n    of it\n\nRaises it."),
         ("It is so:\ns    path length", "It is so:\n\ns\n    path length"),
@@ -51,7 +58,10 @@ UNIT = "~kinematics.foundation.units.Unit(unit=s, above=-inf, like=None, file_un
         (f"(at: ~typing.Annotated[float, {UNIT}] | None = None)", "(at: float | None = None)"),
         (f"(a: tuple[~typing.Annotated[float, {UNIT}], ...] = ())", "(a: tuple[float, ...] = ())"),
         (f"(a: Annotated[tuple[float, float], {UNIT}])", "(a: tuple[float, float])"),
-        ("(f: Callable = <function told at 0x7f>, g: ~a.Host = <factory>)", "(f: Callable = ..., g: ~a.Host = ...)"),
+        (
+            "(f: Callable = <function told at 0x7f>, g: ~a.Host = <factory>)",
+            "(f: Callable = ..., g: ~a.Host = ...)",
+        ),
         (None, None),
     ],
 )
@@ -97,7 +107,9 @@ def described():
     """Public functions and methods of ours, and the parameters that the table of each has."""
     for value in (getattr(pulsepath, name) for name in pulsepath.__all__):
         functions = (
-            [own for kind in value.__mro__ for own in vars(kind).values()] if inspect.isclass(value) else [value]
+            [own for kind in value.__mro__ for own in vars(kind).values()]
+            if inspect.isclass(value)
+            else [value]
         )
         for function in filter(inspect.isfunction, functions):
             found = SECTION.search(inspect.getdoc(function) or "")
@@ -110,4 +122,6 @@ def test_tables_have_every_parameter_and_no_other():
     seen = {function.__qualname__: (function, names) for function, names in described()}
     assert len(seen) >= 25
     for function, names in seen.values():
-        assert names == [name for name in inspect.signature(function).parameters if name != "self"], function
+        assert names == [
+            name for name in inspect.signature(function).parameters if name != "self"
+        ], function

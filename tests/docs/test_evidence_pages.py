@@ -21,7 +21,14 @@ def commands(path):
 
 
 @pytest.mark.parametrize(
-    "path", ["README.md", "docs/evidence.md", "docs/evidence/suites.md", "docs/findings.md", "docs/peers.md"]
+    "path",
+    [
+        "README.md",
+        "docs/evidence.md",
+        "docs/evidence/suites.md",
+        "docs/findings.md",
+        "docs/peers.md",
+    ],
 )
 def test_every_command_that_shows_a_figure_is_in_the_index(path):
     shown = commands(path)

@@ -21,14 +21,20 @@ from tests.docs.pages import DOCS
 CLOCK = 10_000_000
 HIGH = 20
 GAPS = st.one_of(st.integers(HIGH + 1, 300), st.integers(HIGH + 1, 1 << 40))
-AXES = st.lists(st.lists(st.tuples(GAPS, st.sampled_from([-1, 1])), max_size=40), min_size=1, max_size=4)
+AXES = st.lists(
+    st.lists(st.tuples(GAPS, st.sampled_from([-1, 1])), max_size=40), min_size=1, max_size=4
+)
 
 
 def schedule_of(axes):
     made = []
     for k, pulses in enumerate(axes):
         ticks = np.cumsum([gap for gap, _ in pulses], dtype=np.int64)
-        made.append(AxisPulses(f"leg{k}", ticks, np.array([sign for _, sign in pulses], np.int8), 0, 1e-6, 0.0))
+        made.append(
+            AxisPulses(
+                f"leg{k}", ticks, np.array([sign for _, sign in pulses], np.int8), 0, 1e-6, 0.0
+            )
+        )
     return PulseSchedule(CLOCK, tuple(made), 1.0)
 
 
@@ -44,7 +50,9 @@ def edges():
 
 @settings(max_examples=40, derandomize=True, deadline=None)
 @given(AXES, st.integers(1, 50), st.data())
-def test_edges_of_a_file_of_pulses_are_those_of_the_pulse_csv(edges, tmp_path_factory, axes, part, data):
+def test_edges_of_a_file_of_pulses_are_those_of_the_pulse_csv(
+    edges, tmp_path_factory, axes, part, data
+):
     schedule, path = schedule_of(axes), tmp_path_factory.mktemp("edges") / "pulses.bin"
     wiring = [data.draw(st.sampled_from([-1, 1])) for _ in axes]
     binary.write(schedule, path, part=part)
@@ -84,16 +92,26 @@ def test_a_damaged_or_unfinished_file_of_pulses_is_refused(tmp_path):
 def planned(tmp_path):
     """A dump of two axes, the second wired the other way."""
     schedule = schedule_of([[(100, 1)] * 50 + [(500, -1)] * 20, [(130, -1)] * 40])
-    axes = tuple(Axis(axis.name, pulse=1e-6, direction=sign) for axis, sign in zip(schedule.axes, (1, -1), strict=True))
+    axes = tuple(
+        Axis(axis.name, pulse=1e-6, direction=sign)
+        for axis, sign in zip(schedule.axes, (1, -1), strict=True)
+    )
     source = SimpleNamespace(
-        pulses=schedule, name="made up", machine=SimpleNamespace(axes=axes), goes_on=False, sent=(), triggers=()
+        pulses=schedule,
+        name="made up",
+        machine=SimpleNamespace(axes=axes),
+        goes_on=False,
+        sent=(),
+        triggers=(),
     )
     find_format("vcd")().write(source, tmp_path / "planned.vcd")
     return tmp_path / "planned.vcd"
 
 
 def record(planned, path, *, lost=None, turned=False, delay=0):
-    """As an analyser saves it: in units of 10 ns, from another time on; a pulse lost, or DIR the other way round."""
+    """As an analyser saves it: in units of 10 ns, from another time on; a pulse lost, or DIR the
+    other way round.
+    """
     text, seen = planned.read_text(), 0
     head, _, body = text.partition("$enddefinitions")
     rows = []
@@ -123,7 +141,9 @@ def test_a_recording_is_compared_with_the_plan(planned, tmp_path):
     assert "leg0: 70 pulses, 70 recorded, 70 of the other direction" in done.stdout
     done = run("compare_vcd.py", planned, record(planned, tmp_path / "lost.vcd", lost=31))
     assert done.returncode == 1
-    told = re.search(r"leg0: 70 pulses, 69 recorded; pulse (\d+) is the first that differs, (\S+) s", done.stdout)
+    told = re.search(
+        r"leg0: 70 pulses, 69 recorded; pulse (\d+) is the first that differs, (\S+) s", done.stdout
+    )
     assert int(told[1]) == 31
     assert float(told[2]) == pytest.approx(30 * 100 / CLOCK)
     planned.with_name("unnamed.vcd").write_text(planned.read_text().replace("leg1", "D1"))

@@ -1,4 +1,6 @@
-"""The cases of the gallery: programs fit their machines, pictures are there, and one is planned and drawn."""
+"""The cases of the gallery: programs fit their machines, pictures are there, and one is planned and
+drawn.
+"""
 
 import re
 import shlex

@@ -23,7 +23,9 @@ TABLES = (KINDS, AXIS_LIMITS, MACHINE_LIMITS, FORMATS, SOURCES, LAWS, RULES)
 
 @pytest.fixture
 def scratch(tmp_path, monkeypatch):
-    """An empty directory to work in, from which modules are imported; what is plugged in there is gone afterwards."""
+    """An empty directory to work in, from which modules are imported; what is plugged in there is
+    gone afterwards.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     modules, tables = set(sys.modules), [dict(table) for table in TABLES]

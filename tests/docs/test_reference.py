@@ -1,4 +1,6 @@
-"""The reference pages: tables of keys that a code host shows too, and examples that can be copied."""
+"""The reference pages: tables of keys that a code host shows too, and examples that can be
+copied.
+"""
 
 import re
 import shlex
@@ -35,9 +37,19 @@ def test_the_tables_of_keys_are_those_of_the_schemas(extensions):
 def test_the_page_shows_keys_without_being_built():
     text = PAGE.read_text(encoding="utf-8")
     shown = set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE))
-    assert {"max_acceleration", "lead", "gear", "through", "commanded", "urdf", "trigger"} - shown == set()
+    assert {
+        "max_acceleration",
+        "lead",
+        "gear",
+        "through",
+        "commanded",
+        "urdf",
+        "trigger",
+    } - shown == set()
     assert "{file-keys}" not in text
-    assert not re.search(r"<!-- (?:file-keys [^\n]*|kind-keys|drive-times) -->\s*<!-- end -->", text)
+    assert not re.search(
+        r"<!-- (?:file-keys [^\n]*|kind-keys|drive-times) -->\s*<!-- end -->", text
+    )
     assert text.count("<!-- end -->") >= 30
 
 

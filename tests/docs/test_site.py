@@ -25,32 +25,51 @@ def site(tmp_path_factory):
 
 
 def test_the_site_fetches_nothing(site):
-    """Scripts, styles, fonts and pictures are all its own: only what a reader clicks on leads away."""
+    """Scripts, styles, fonts and pictures are all its own: only what a reader clicks on leads
+    away.
+    """
     pages = list(site.rglob("*.html"))
     assert len(pages) > 20
     for page in pages:
-        tags = re.findall(r"<(?:script|link|img|iframe|source|object)\b[^>]*>", page.read_text(encoding="utf-8"))
-        assert [tag for tag in tags if re.search(r"""(?:src|href|data)=["']?(?:https?:)?//""", tag)] == [], page
+        tags = re.findall(
+            r"<(?:script|link|img|iframe|source|object)\b[^>]*>", page.read_text(encoding="utf-8")
+        )
+        assert [
+            tag for tag in tags if re.search(r"""(?:src|href|data)=["']?(?:https?:)?//""", tag)
+        ] == [], page
     for style in (site / "_static").rglob("*.css"):
-        assert not re.search(r"(?:url\(|@import )\s*[\"']?(?:https?:)?//", style.read_text(encoding="utf-8")), style
+        assert not re.search(
+            r"(?:url\(|@import )\s*[\"']?(?:https?:)?//", style.read_text(encoding="utf-8")
+        ), style
 
 
 def test_what_docstrings_set_in_columns_is_set_as_such(site):
-    """A name with two spaces behind it, in a paragraph, is a list of meanings that was run together."""
+    """A name with two spaces behind it, in a paragraph, is a list of meanings that was run
+    together.
+    """
     for page in (site / "api").glob("*.html"):
-        article = page.read_text(encoding="utf-8").partition("<article")[2].partition("</article>")[0]
+        article = (
+            page.read_text(encoding="utf-8").partition("<article")[2].partition("</article>")[0]
+        )
         for paragraph in re.findall(r"<p>(.*?)</p>", article, re.DOTALL):
             text = re.sub(r"<[^>]+>", "", paragraph)
             assert not re.search(r"^\w[\w, ]* {2,}\w", text, re.MULTILINE), (page.name, text)
 
 
 def test_signatures_and_names_are_set_as_python_and_code(site):
-    """What is no Python is shown as it is spelled: with ~, every module's name, and what units are checked by."""
+    """What is no Python is shown as it is spelled: with ~, every module's name, and what units are
+    checked by.
+    """
     for page in (site / "api").glob("*.html"):
-        article = page.read_text(encoding="utf-8").partition("<article")[2].partition("</article>")[0]
+        article = (
+            page.read_text(encoding="utf-8").partition("<article")[2].partition("</article>")[0]
+        )
         for shown in re.findall(r"<dt [^>]*>(.*?)</dt>", article, re.DOTALL):
             text = unescape(re.sub(r"<[^>]+>", "", shown))
-            assert not re.search(r"~\w|Annotated|Unit\(|object at|<factory>", text), (page.name, text)
+            assert not re.search(r"~\w|Annotated|Unit\(|object at|<factory>", text), (
+                page.name,
+                text,
+            )
         prose = unescape(re.sub(r"<pre.*?</pre>|<[^>]+>", "", article, flags=re.DOTALL))
         assert "`" not in prose, (page.name, prose[max(0, prose.find("`") - 60) :][:120])
 
@@ -67,7 +86,9 @@ def test_the_known_drives_are_listed_with_their_times(site):
     page = (site / "reference" / "files.html").read_text(encoding="utf-8")
     for name, drive in DRIVES.items():
         row = next(row for row in page.split("<tr") if f'<span class="pre">{name}</span>' in row)
-        cells = [re.sub(r"<[^>]+>", "", cell) for cell in re.findall(r"<td.*?</td>", row, re.DOTALL)]
+        cells = [
+            re.sub(r"<[^>]+>", "", cell) for cell in re.findall(r"<td.*?</td>", row, re.DOTALL)
+        ]
         assert [float(cell.split()[0]) * 1e-6 for cell in cells[1:5]] == pytest.approx(
             [drive.high, drive.low, drive.setup, drive.hold]
         )
@@ -131,7 +152,9 @@ def test_every_notebook_has_its_page(site):
     for notebook in (ROOT / "notebooks").glob("*.py"):
         page = (site / "notebooks" / f"{notebook.stem}.html").read_text(encoding="utf-8")
         assert ">The answer<" in page
-        assert (ROOT / "docs" / "notebooks" / "index.md").read_text("utf-8").count(f"({notebook.stem}.md)") == 1
+        assert (ROOT / "docs" / "notebooks" / "index.md").read_text("utf-8").count(
+            f"({notebook.stem}.md)"
+        ) == 1
 
 
 def test_formulas_are_drawn_into_the_page(monkeypatch):

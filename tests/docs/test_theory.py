@@ -1,4 +1,6 @@
-"""Equations of the theory pages that have a small numeric check, run; and the files that the pages name, looked up."""
+"""Equations of the theory pages that have a small numeric check, run; and the files that the pages
+name, looked up.
+"""
 
 import re
 
@@ -21,17 +23,26 @@ CODE = re.compile(r"`([\w/]+\.py|[a-z_]+(?:/[a-z_]+)*/)`")
 def test_every_file_that_a_page_names_is_there():
     """With its path, or as its name alone."""
     root = DOCS.parent
-    floors = [root / name for name in ("kinematics", "planner", "controllers", "benchmarks", "pulsepath", "tests")]
+    floors = [
+        root / name
+        for name in ("kinematics", "planner", "controllers", "benchmarks", "pulsepath", "tests")
+    ]
     names = {path.name for floor in floors for path in floor.rglob("*.py")}
     told = [
-        (page.name, name) for page in (DOCS / "theory").glob("*.md") for name in CODE.findall(page.read_text("utf-8"))
+        (page.name, name)
+        for page in (DOCS / "theory").glob("*.md")
+        for name in CODE.findall(page.read_text("utf-8"))
     ]
     assert len(told) > 50
-    assert [(page, name) for page, name in told if not ((root / name).exists() or name in names)] == []
+    assert [
+        (page, name) for page, name in told if not ((root / name).exists() or name in names)
+    ] == []
 
 
 def timed(case, *, both_ends):
-    """s and x = ṡ² (N+1,) of the fastest motion whose rows are kept at the intervals' starts, or at both ends."""
+    """s and x = ṡ² (N+1,) of the fastest motion whose rows are kept at the intervals' starts, or at
+    both ends.
+    """
     s = case.path.breaks[0] + case.length * np.linspace(0, 1, INTERVALS + 1)
     step, piece = np.diff(s), case.piece((s[1:] + s[:-1]) / 2)
     speed, acceleration, _ = case.bounds[:, 1]
@@ -44,7 +55,9 @@ def timed(case, *, both_ends):
     a, b = (np.concatenate(part, 1) for part in zip(*rows[: 1 + both_ends], strict=True))
     a, b = (np.concatenate([part, part[-1:]]) for part in (a, b))
     unit = np.median(ceiling)  # so that x is about one
-    x = unit * largest_speeds([a * unit / case.length, b * unit, 0 * a], ceiling / unit, step / case.length)
+    x = unit * largest_speeds(
+        [a * unit / case.length, b * unit, 0 * a], ceiling / unit, step / case.length
+    )
     return s, x
 
 
@@ -55,24 +68,34 @@ def acceleration_used(case, s, x):
     for share in np.linspace(0, 1, 21):
         _, q1, q2, _ = case.path.derivatives(s[:-1] + share * step, piece)
         here = x[:-1] + 2 * share * step * u
-        most = max(most, float((np.abs(q1 * u[:, None] + q2 * here[:, None]) / case.bounds[1, 1]).max()))
+        most = max(
+            most, float((np.abs(q1 * u[:, None] + q2 * here[:, None]) / case.bounds[1, 1]).max())
+        )
     return most
 
 
-@pytest.mark.parametrize(("case", "starts", "both"), [(circle(), 1.007, 1.0000), (spline(), 2.17, 1.004)])
+@pytest.mark.parametrize(
+    ("case", "starts", "both"), [(circle(), 1.007, 1.0000), (spline(), 2.17, 1.004)]
+)
 def test_rows_at_starts_are_broken_at_ends(case, starts, both):
     """order2.md; the figures are those printed there, to their last digit."""
-    assert acceleration_used(case, *timed(case, both_ends=False)) == pytest.approx(starts, abs=0.006)
+    assert acceleration_used(case, *timed(case, both_ends=False)) == pytest.approx(
+        starts, abs=0.006
+    )
     s, x = timed(case, both_ends=True)
     assert acceleration_used(case, s, x) == pytest.approx(both, abs=6e-4)
     t = np.append(0, np.cumsum(2 * np.diff(s) / (np.sqrt(x[1:]) + np.sqrt(x[:-1]))))
-    q = case.path.derivatives(s, np.append(case.piece((s[1:] + s[:-1]) / 2), len(case.path.breaks) - 2))[0]
+    q = case.path.derivatives(
+        s, np.append(case.piece((s[1:] + s[:-1]) / 2), len(case.path.breaks) - 2)
+    )[0]
     fitted = CubicSpline(t, q, bc_type="clamped")(np.linspace(0, t[-1], 40_001), 2)
     assert (np.abs(fitted) / case.bounds[1, 1]).max() == pytest.approx(1.10, abs=0.01)
 
 
 def test_a_blend_meets_its_neighbours_with_three_derivatives():
-    """path.md: a = s − d and b = 0 to the third derivative at the start, a = 0 and b = s − d at the end."""
+    """path.md: a = s − d and b = 0 to the third derivative at the start, a = 0 and b = s − d at the
+    end.
+    """
     reach = 0.7
     a, b = overlap_lengths(Polynomial([0, 1]), reach)
     assert np.abs((a + b - Polynomial([-reach, 1])).coef).max() < 1e-13
@@ -132,5 +155,7 @@ def test_learning_by_the_plant_itself_shortens_every_error():
     plant, error, sigma = np.tril(random.normal(size=(8, 8))), random.normal(size=8), 0.1
     step = np.linalg.solve(plant.T @ plant + sigma * np.eye(8), plant.T @ error)
     after = error - plant @ step
-    assert after == pytest.approx(sigma * np.linalg.solve(plant @ plant.T + sigma * np.eye(8), error), abs=1e-12)
+    assert after == pytest.approx(
+        sigma * np.linalg.solve(plant @ plant.T + sigma * np.eye(8), error), abs=1e-12
+    )
     assert np.linalg.norm(after) < np.linalg.norm(error)

@@ -1,4 +1,6 @@
-"""The wheel holds all that the packages need, and works without the clone; the citation states its version."""
+"""The wheel holds all that the packages need, and works without the clone; the citation states its
+version.
+"""
 
 import json
 import os
@@ -29,14 +31,20 @@ def unpacked(tmp_path_factory):
 
 def test_it_holds_every_file_of_the_packages(unpacked):
     held = {file.relative_to(unpacked).as_posix() for file in unpacked.rglob("*") if file.is_file()}
-    tracked = subprocess.run(["git", "ls-files", *PACKAGES], cwd=ROOT, capture_output=True, text=True, check=True)
-    own = {name for name in tracked.stdout.splitlines() if not name.startswith("benchmarks/evidence/")}
+    tracked = subprocess.run(
+        ["git", "ls-files", *PACKAGES], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    own = {
+        name for name in tracked.stdout.splitlines() if not name.startswith("benchmarks/evidence/")
+    }
     assert {name for name in held if not re.match(r"pulsepath-[\w.]+\.dist-info/", name)} == own
     assert any(name.endswith("licenses/LICENSE") for name in held)
 
 
 def test_it_works_outside_the_clone(unpacked, tmp_path):
-    """The same environment, but for the clone; what takes kernels would compile them anew, for half a minute."""
+    """The same environment, but for the clone; what takes kernels would compile them anew, for half
+    a minute.
+    """
     done = subprocess.run(
         [sys.executable, "-P", "-m", "pulsepath", "pose", "hexapod", "5,5,35", "--json"],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(unpacked)}, capture_output=True, text=True, check=False,
@@ -46,6 +54,8 @@ def test_it_works_outside_the_clone(unpacked, tmp_path):
 
 
 def test_the_citation_states_the_version():
-    stated = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    stated = re.search(
+        r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert stated is not None
     assert stated[1] == pulsepath.__version__

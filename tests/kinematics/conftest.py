@@ -13,21 +13,30 @@ from kinematics.machine.pose import COMPONENTS, from_numbers, to_numbers
 
 
 def hexapod(base, platform, home, **options):
-    return Hexapod(base, platform, axes=[Axis(f"leg{n}") for n in range(1, 7)], home=home, **options)
+    return Hexapod(
+        base, platform, axes=[Axis(f"leg{n}") for n in range(1, 7)], home=home, **options
+    )
 
 
 def irregular(seed):
-    """Joints off every plane and circle, frames anywhere, a rest axis of its own for every joint."""
+    """Joints off every plane and circle, frames anywhere, a rest axis of its own for every
+    joint.
+    """
     random = np.random.default_rng(seed)
     base = joint_circle(0.3, 0.5, 0) + random.uniform(-0.05, 0.05, (6, 3))
     platform = joint_circle(0.15, 1.0, 0) + random.uniform(-0.03, 0.03, (6, 3))
-    home = RigidTransform.from_components([0.02, -0.03, 0.35], Rotation.from_rotvec(random.uniform(-0.15, 0.15, 3)))
+    home = RigidTransform.from_components(
+        [0.02, -0.03, 0.35], Rotation.from_rotvec(random.uniform(-0.15, 0.15, 3))
+    )
     below, above = (
-        RigidTransform.from_components(random.uniform(-0.1, 0.1, 3), Rotation.random(rng=random)) for _ in range(2)
+        RigidTransform.from_components(random.uniform(-0.1, 0.1, 3), Rotation.random(rng=random))
+        for _ in range(2)
     )
     legs = home.apply(platform) - base
     base_rest = below.rotation.apply(legs + random.uniform(-0.05, 0.05, (6, 3)))
-    platform_rest = (above.rotation * home.rotation.inv()).apply(legs + random.uniform(-0.05, 0.05, (6, 3)))
+    platform_rest = (above.rotation * home.rotation.inv()).apply(
+        legs + random.uniform(-0.05, 0.05, (6, 3))
+    )
     return hexapod(
         below.apply(base),
         above.apply(platform),
@@ -47,7 +56,8 @@ HEXAPODS = {
     "irregular 1": lambda: irregular(1),
     "irregular 2": lambda: irregular(2),
 }
-# Machines with singularities a way off home that every pose has lengths for, however far away it is.
+# Machines with singularities a way off home that every pose has lengths for, however far away it
+# is.
 LEGGED = HEXAPODS | {"tripod": lambda: load_machine("tripod")}
 # Machines with lengths that close in no pose.
 PARALLEL = LEGGED | {"linkage": lambda: load_machine("linkage")}
@@ -112,7 +122,9 @@ def distance():
 
     def largest(found, expected):
         apart = found.inv() * expected
-        return max(np.linalg.norm(apart.translation, axis=-1).max(), np.max(apart.rotation.magnitude()))
+        return max(
+            np.linalg.norm(apart.translation, axis=-1).max(), np.max(apart.rotation.magnitude())
+        )
 
     return largest
 
@@ -129,16 +141,20 @@ def room():
 
 @pytest.fixture(scope="session")
 def poses_about(room):
-    """(pose, machine, count, share, seed) -> poses shifted by up to `share` of the machine's size, turned by rad.
+    """(pose, machine, count, share, seed) -> poses shifted by up to `share` of the machine's size,
+    turned by rad.
 
-    Only in what the machine controls; what follows goes along. share: one for both, or (shift, turn).
+    Only in what the machine controls; what follows goes along. share: one for both, or (shift,
+    turn).
     """
 
     def make(pose, machine, count, share, seed=0):
         free = np.isin(COMPONENTS, machine.freedom).reshape(2, 1, 3)
         size = np.reshape(share * np.array([room(machine), 1.0]), (2, 1, 1))
         shift, turn = free * size * np.random.default_rng(seed).uniform(-1, 1, (2, count, 3))
-        poses = RigidTransform.from_components(pose.translation + shift, Rotation.from_rotvec(turn) * pose.rotation)
+        poses = RigidTransform.from_components(
+            pose.translation + shift, Rotation.from_rotvec(turn) * pose.rotation
+        )
         if not machine.follows:
             return poses
         return from_numbers(machine.carried_map(machine.inputs(to_numbers(poses), machine.home_q)))
@@ -147,7 +163,9 @@ def poses_about(room):
 
 
 class Spectrum:
-    """Motions known at Chebyshev nodes of [0, 0.8 s], where what is smooth is differentiated to nearly rounding."""
+    """Motions known at Chebyshev nodes of [0, 0.8 s], where what is smooth is differentiated to
+    nearly rounding.
+    """
 
     nodes, duration, gravity = 36, 0.8, 9.80665
     points = chebyshev.chebpts1(nodes)
@@ -165,20 +183,32 @@ class Spectrum:
         return np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], 1)
 
     def energy(self, body, place, rotation):
-        """Kinetic and potential energy of a body whose frame is at place (nodes, 3), rotation (nodes, 3, 3)."""
+        """Kinetic and potential energy of a body whose frame is at place (nodes, 3), rotation
+        (nodes, 3, 3).
+        """
         centre = place + rotation @ body.centre
         spin = np.einsum("nji,nj->ni", rotation, self.turning(rotation))
-        kinetic = (body.mass * (self.rate(centre) ** 2).sum(1) + np.einsum("ni,ij,nj->n", spin, body.inertia, spin)) / 2
+        kinetic = (
+            body.mass * (self.rate(centre) ** 2).sum(1)
+            + np.einsum("ni,ij,nj->n", spin, body.inertia, spin)
+        ) / 2
         return kinetic + body.mass * self.gravity * centre[:, 2]
 
     def smooth(self, machine, shift, turn, seed=0):
-        """A motion by up to shift (m) and turn (rad) about home in all that the machine controls."""
+        """A motion by up to shift (m) and turn (rad) about home in all that the machine
+        controls.
+        """
         random, off = np.random.default_rng(seed), np.zeros((self.nodes, 6))
-        phase, pace = random.uniform(0, 6, len(machine.freedom)), random.uniform(2, 5, len(machine.freedom))
+        phase, pace = (
+            random.uniform(0, 6, len(machine.freedom)),
+            random.uniform(2, 5, len(machine.freedom)),
+        )
         sizes = np.array([shift] * 3 + [turn] * 3)[columns(machine)]
         off[:, columns(machine)] = sizes * np.sin(phase + pace * self.t[:, None])
         turned = Rotation.from_rotvec(off[:, 3:])
-        pose = RigidTransform.from_components(machine.home.translation + off[:, :3], turned * machine.home.rotation)
+        pose = RigidTransform.from_components(
+            machine.home.translation + off[:, :3], turned * machine.home.rotation
+        )
         twist = np.concatenate([self.rate(off[:, :3]), self.turning(turned.as_matrix())], 1)
         acceleration = self.rate(twist)
         held = [k for k in range(6) if k not in columns(machine)]
@@ -193,7 +223,9 @@ def spectrum():
 
 @pytest.fixture(scope="session")
 def scaled_jacobian():
-    """(machine, poses) -> (N, n, n) or (n, n) of what it controls, rotations at its characteristic length."""
+    """(machine, poses) -> (N, n, n) or (n, n) of what it controls, rotations at its characteristic
+    length.
+    """
 
     def scaled(machine, poses):
         jacobian = machine.jacobian(poses) * np.repeat([1.0, 1 / machine.characteristic_length], 3)

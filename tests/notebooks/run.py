@@ -1,4 +1,6 @@
-"""The notebooks, run: `python -m tests.notebooks.run out/notebooks` writes them with their figures as .ipynb files."""
+"""The notebooks, run: `python -m tests.notebooks.run out/notebooks` writes them with their figures
+as .ipynb files.
+"""
 
 import sys
 from math import ceil
@@ -15,7 +17,8 @@ LONGEST = 60.0
 
 
 def executed(path: Path, *, slower: float = 1.0, last: str = "") -> "NotebookNode":
-    """A notebook after all its cells have run in a kernel of this Python, from the top of this source tree.
+    """A notebook after all its cells have run in a kernel of this Python, from the top of this
+    source tree.
 
     last: one more cell, behind its own. Raises CellExecutionError where a cell raises.
     """

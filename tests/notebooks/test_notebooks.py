@@ -1,4 +1,6 @@
-"""The notebooks run, quickly and silently, and their prose states no number that their cells do not."""
+"""The notebooks run, quickly and silently, and their prose states no number that their cells do
+not.
+"""
 
 import re
 
@@ -9,7 +11,9 @@ from tests.notebooks.run import NOTEBOOKS, ROOT, executed
 from tests.pace import slowness
 
 MOST = 30.0
-"""s of CPU that a notebook may take on the machine that the bounds were written on: half of the minute it may last."""
+"""s of CPU that a notebook may take on the machine that the bounds were written on: half of the
+minute it may last.
+"""
 CPU = "from time import process_time\n\nprint(process_time())"
 CODE = re.compile(r"`[^`]*`|\$\$.*?\$\$|\$[^$]*\$|\]\([^)]*\)|\[[^\]]*\d{4}[^\]]*\]", re.DOTALL)
 """In prose, what is code, maths, a link's address or a source."""
@@ -22,7 +26,9 @@ def test_it_runs_and_is_as_it_should_be(path):
     try:
         notebook = executed(path, slower=slowness(), last=CPU)
     except CellExecutionError as failed:
-        if failed.ename == "NotInstalled":  # raised in the kernel, so tests/conftest.py cannot see it
+        if (
+            failed.ename == "NotInstalled"
+        ):  # raised in the kernel, so tests/conftest.py cannot see it
             pytest.skip(failed.evalue)
         raise
     runs_quickly_without_warnings(notebook)
@@ -69,7 +75,11 @@ def states_only_numbers_of_its_cells(notebook):
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             stated = NUMBER.findall(CODE.sub(" ", cell.source))
-            assert not [number for number in stated if ("." in number or int(number) >= 10) and number not in told]
+            assert not [
+                number
+                for number in stated
+                if ("." in number or int(number) >= 10) and number not in told
+            ]
 
 
 def leads_somewhere(notebook):

@@ -1,4 +1,6 @@
-"""What the tests of planning share: the hexapod, its plans (each made once), and its legs recomputed without it."""
+"""What the tests of planning share: the hexapod, its plans (each made once), and its legs
+recomputed without it.
+"""
 
 from functools import cache
 from types import SimpleNamespace
@@ -23,7 +25,9 @@ def laden():
 
 @pytest.fixture(scope="session")
 def hexapod(laden):
-    """The bundled hexapod without its masses: no proof bounds a force, which takes as long as all else in it."""
+    """The bundled hexapod without its masses: no proof bounds a force, which takes as long as all
+    else in it.
+    """
     return laden.carrying(Load())
 
 
@@ -40,10 +44,14 @@ def planned(hexapod):
 
 @pytest.fixture(scope="session")
 def own_legs():
-    """(positions (N, 3), rotation matrices (N, 3, 3)) -> leg vectors (N, 6, 3), by the numbers of [Sahbaz 2007, 5]."""
+    """(positions (N, 3), rotation matrices (N, 3, 3)) -> leg vectors (N, 6, 3), by the numbers of
+    [Sahbaz 2007, 5].
+    """
 
     def circle(radius, gap, height):
-        azimuth = np.deg2rad([gap / 2, 120 - gap / 2, 120 + gap / 2, 240 - gap / 2, 240 + gap / 2, -gap / 2])
+        azimuth = np.deg2rad(
+            [gap / 2, 120 - gap / 2, 120 + gap / 2, 240 - gap / 2, 240 + gap / 2, -gap / 2]
+        )
         return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(6, height)], 1)
 
     base, platform = circle(0.149, 30, 0.0115), circle(0.1, 60, -0.011)
@@ -75,7 +83,9 @@ def rodrigues():
 
 @pytest.fixture(scope="session")
 def three_legs():
-    """A random motion of three legs, every second one wired the other way, and its pulses, as a plan has them."""
+    """A random motion of three legs, every second one wired the other way, and its pulses, as a
+    plan has them.
+    """
     motion = example(3)
     home = motion.at(np.zeros(1)).q[0]
     axes = [Axis(f"leg{k}", pulse=PULSE, direction=1 - 2 * (k % 2)) for k in range(3)]
@@ -85,14 +95,18 @@ def three_legs():
 
 @pytest.fixture(scope="session")
 def seven_segments():
-    """(length, speed, acceleration, jerk) -> least rest-to-rest time, by which limits the motion reaches."""
+    """(length, speed, acceleration, jerk) -> least rest-to-rest time, by which limits the motion
+    reaches.
+    """
 
     def time(length, speed, acceleration, jerk):
         a = min(acceleration, np.sqrt(speed * jerk))  # reached on the way to V
         if length >= speed * (speed / a + a / jerk):
             return length / speed + speed / a + a / jerk  # V is reached
         a = acceleration
-        top = (np.sqrt(a**4 / jerk**2 + 4 * a * length) - a**2 / jerk) / 2  # of a motion that reaches A but not V
+        top = (
+            np.sqrt(a**4 / jerk**2 + 4 * a * length) - a**2 / jerk
+        ) / 2  # of a motion that reaches A but not V
         if top >= a**2 / jerk:
             return 2 * (top / a + a / jerk)
         return 4 * np.cbrt(length / (2 * jerk))  # neither
@@ -102,21 +116,27 @@ def seven_segments():
 
 @pytest.fixture(scope="session")
 def slide():
-    """(mass, **what the axis states) -> a machine whose upright slide Z alone has masses and limits that bind."""
+    """(mass, **what the axis states) -> a machine whose upright slide Z alone has masses and limits
+    that bind.
+    """
 
     def make(mass, **own):
         free = {"max_speed": 1e3, "max_acceleration": 1e5, "max_jerk": 1e9}
         axes = [Axis("X", **free), Axis("Y", **free), Axis("Z", **own), Axis("R", "rotary", **free)]
-        return Traverser(axes=axes, home=RigidTransform.identity(), load=Load(Body(mass), gravity=GRAVITY))
+        return Traverser(
+            axes=axes, home=RigidTransform.identity(), load=Load(Body(mass), gravity=GRAVITY)
+        )
 
     return make
 
 
 @pytest.fixture(scope="session")
 def bang_bang():
-    """(length, v̇ up, v̇ down, top speed) -> the least time from rest to rest on one axis, by quadrature.
+    """(length, v̇ up, v̇ down, top speed) -> the least time from rest to rest on one axis, by
+    quadrature.
 
-    As fast as possible up and down again, ds = v dv/v̇ and dt = dv/v̇; a step of 1/200 000 of the top speed.
+    As fast as possible up and down again, ds = v dv/v̇ and dt = dv/v̇; a step of 1/200 000 of the
+    top speed.
     """
 
     def time(length, up, down, top):

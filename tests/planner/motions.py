@@ -10,7 +10,9 @@ PULSE = 0.75e-6
 
 
 class Polynomials:
-    """A motion of piecewise polynomials, coefficients (degree+1, pieces, axes); counts how often it is asked."""
+    """A motion of piecewise polynomials, coefficients (degree+1, pieces, axes); counts how often it
+    is asked.
+    """
 
     def __init__(self, coefficients, knots):
         self.knots = np.asarray(knots, float)
@@ -36,11 +38,14 @@ def through(q, v, knots):
     """The cubic Hermite motion through positions and speeds (M+1, axes) at the knots."""
     q, v, h = np.asarray(q, float), np.asarray(v, float), np.diff(knots)[:, None]
     r, s = q[1:] - q[:-1] - v[:-1] * h, v[1:] - v[:-1]
-    return Polynomials(np.stack(((s * h - 2 * r) / h**3, (3 * r - s * h) / h**2, v[:-1], q[:-1])), knots)
+    return Polynomials(
+        np.stack(((s * h - 2 * r) / h**3, (3 * r - s * h) / h**2, v[:-1], q[:-1])), knots
+    )
 
 
 def example(seed=0, size=1.0):
-    """Three axes, three moves with a dwell of 20 ms between them, some 1500 pulses; every axis turns inside a move.
+    """Three axes, three moves with a dwell of 20 ms between them, some 1500 pulses; every axis
+    turns inside a move.
 
     size: of the ways and the times, at the same speeds.
     """
@@ -55,19 +60,29 @@ def example(seed=0, size=1.0):
 
 
 def in_pulses(*pieces):
-    """Pieces of one axis in pulses, each [highest power, …, constant], one second each; home is 0."""
+    """Pieces of one axis in pulses, each [highest power, …, constant], one second each; home is
+    0.
+    """
     return one_axis(np.array(pieces) * PULSE, np.arange(len(pieces) + 1)), [0.0]
 
 
 @st.composite
 def smooth_motions(draw, spans=(1e-4, 1e-3, 0.01, 0.013, 0.1), most=5):
-    """Random C1 motions of two axes through random places, many of them levels, at random speeds, with dwells."""
+    """Random C1 motions of two axes through random places, many of them levels, at random speeds,
+    with dwells.
+    """
     pieces = draw(st.integers(1, most))
     spans = draw(st.lists(st.sampled_from(spans), min_size=pieces, max_size=pieces))
     halves = st.integers(-60, 60).map(lambda n: n / 2 * PULSE)
     place = st.one_of(halves, st.floats(-60 * PULSE, 60 * PULSE))
     speed = st.sampled_from([0.0, 0.0, 1e-3, -1e-3, 0.02, -0.013])
-    states = np.array(draw(st.lists(st.tuples(place, place, speed, speed), min_size=pieces + 1, max_size=pieces + 1)))
+    states = np.array(
+        draw(
+            st.lists(
+                st.tuples(place, place, speed, speed), min_size=pieces + 1, max_size=pieces + 1
+            )
+        )
+    )
     q, v = states[:, :2], states[:, 2:]
     for k in range(pieces):
         if draw(st.booleans()) and draw(st.booleans()):

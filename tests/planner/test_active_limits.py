@@ -15,7 +15,9 @@ def columns_of(table):
 
 
 def test_each_segment_has_its_length_time_line_and_what_holds_it_back():
-    """A slow line runs at its cap all but its ramps; a rest takes its time and no way; repetitions add up."""
+    """A slow line runs at its cap all but its ramps; a rest takes its time and no way; repetitions
+    add up.
+    """
     slow = Line(np.array([0.02, 0.0, 0.0]), speed=1e-3, line_number=7)
     back = Line(np.array([0.0, 0.0, 0.0]), line_number=9)
     made = plan(Program((slow, Dwell(0.25, line_number=8), back), repeat=2), "traverser")
@@ -37,8 +39,12 @@ def test_each_segment_has_its_length_time_line_and_what_holds_it_back():
 
 @pytest.mark.parametrize("join", [Blend(1e-3), Fit(2e-4)], ids=["blend", "fit"])
 def test_the_mean_speed_of_a_segment_stays_below_its_cap(join):
-    """Its length is that of the shorter curve that is run in its time: the sum is that of the whole."""
-    corners = [Line(np.array([4e-3 * k, 4e-3 * (k % 2), 0.0]), join=join, speed=5e-4) for k in range(1, 9)]
+    """Its length is that of the shorter curve that is run in its time: the sum is that of the
+    whole.
+    """
+    corners = [
+        Line(np.array([4e-3 * k, 4e-3 * (k % 2), 0.0]), join=join, speed=5e-4) for k in range(1, 9)
+    ]
     made = plan(Program(tuple(corners)), "traverser", order=2)
     told = columns_of(tabulate_segments(made))
     assert max(told["mean speed"]) <= 5e-4 * (1 + 1e-9)

@@ -1,4 +1,6 @@
-"""The activity of a motion in parts: the segments, limits and times of a plan of the whole, in little memory."""
+"""The activity of a motion in parts: the segments, limits and times of a plan of the whole, in
+little memory.
+"""
 
 import numpy as np
 import pytest
@@ -45,7 +47,10 @@ def waved():
 
 def test_the_segments_are_those_of_the_plan_of_the_whole(waved, hexapod):
     held, standing = look(waved, hexapod)
-    found, known = columns_of(held.tabulate_longest()), columns_of(tabulate_segments(plan(waved, hexapod)))
+    found, known = (
+        columns_of(held.tabulate_longest()),
+        columns_of(tabulate_segments(plan(waved, hexapod))),
+    )
     assert held.complete
     assert found.keys() == known.keys()
     for name, values in found.items():
@@ -72,7 +77,9 @@ def test_the_time_of_each_limit_is_that_of_the_whole(waved, hexapod):
 
 
 def test_a_segment_that_windows_share_is_one(hexapod):
-    """Short lines in windows of a few pieces, fitted: the windows are left in the midst of segments."""
+    """Short lines in windows of a few pieces, fitted: the windows are left in the midst of
+    segments.
+    """
     program = program_of(line_to(4e-3, 0.0), line_to(4e-3, 4e-3), line_to(0.0, 4e-3))
     one, standing = look(program, hexapod)
     held = Activity(program)
@@ -94,12 +101,16 @@ def test_repetitions_are_told_apart(hexapod):
     program = program_of(Dwell(0.1), line_to(1e-3, 0.0), line_to(0.0, 0.0), repeat=3)
     held, _ = look(program, hexapod)
     told = columns_of(held.tabulate_longest())
-    assert list(zip(told["repetition"], told["segment"], strict=True)) == [(r, n) for r in (1, 2, 3) for n in (1, 2, 3)]
+    assert list(zip(told["repetition"], told["segment"], strict=True)) == [
+        (r, n) for r in (1, 2, 3) for n in (1, 2, 3)
+    ]
     assert told["time"][::3] == pytest.approx([0.1] * 3, abs=1e-9)
 
 
 def test_blends_count_the_way_that_is_travelled(hexapod):
-    program = program_of(*(line_to(4e-3 * k, 4e-3 * (k % 2), speed=4e-3, join=Blend(1e-3)) for k in range(1, 5)))
+    program = program_of(
+        *(line_to(4e-3 * k, 4e-3 * (k % 2), speed=4e-3, join=Blend(1e-3)) for k in range(1, 5))
+    )
     found = columns_of(look(program, hexapod)[0].tabulate_longest())
     known = columns_of(tabulate_segments(plan(program, hexapod)))
     assert found["length"] == pytest.approx(known["length"], rel=1e-3)
@@ -107,11 +118,14 @@ def test_blends_count_the_way_that_is_travelled(hexapod):
 
 
 def test_of_many_segments_those_that_tell_most_stay():
-    """What is held does not grow; the longest and the slowest are listed, and where each limit is active longest."""
+    """What is held does not grow; the longest and the slowest are listed, and where each limit is
+    active longest.
+    """
     rng = np.random.default_rng(5)
     ends = np.cumsum(rng.uniform(1e-4, 3e-4, 90))
     segments = [
-        line_to(5e-3 * np.cos(9e2 * s), 5e-3 * np.sin(9e2 * s), speed=rng.uniform(2e-3, 2e-2)) for s in ends.tolist()
+        line_to(5e-3 * np.cos(9e2 * s), 5e-3 * np.sin(9e2 * s), speed=rng.uniform(2e-3, 2e-2))
+        for s in ends.tolist()
     ]
     program, machine = program_of(*segments), load_machine("hexapod")
     held, standing = Activity(program), None
@@ -127,7 +141,9 @@ def test_of_many_segments_those_that_tell_most_stay():
     known = columns_of(tabulate_segments(plan(program, machine, order=2)))
     longest = sorted(known["time"], reverse=True)
     assert len(table) == MOST_SEGMENTS
-    assert found["time"] == pytest.approx(longest[:MOST_SEGMENTS], rel=0.02)  # parts look ahead less
+    assert found["time"] == pytest.approx(
+        longest[:MOST_SEGMENTS], rel=0.02
+    )  # parts look ahead less
     assert slow["mean speed"] == pytest.approx(sorted(known["mean speed"])[:MOST_SLOW], rel=0.02)
     (note,) = table.notes
     left = standing.duration - sum(found["time"])

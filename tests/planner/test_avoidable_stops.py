@@ -1,4 +1,6 @@
-"""Avoidable stops at joins: which count, what they cost compared with plans that pass them, what avoids them."""
+"""Avoidable stops at joins: which count, what they cost compared with plans that pass them, what
+avoids them.
+"""
 
 import json
 from math import sqrt
@@ -30,11 +32,16 @@ from planner.program.program_writer import program_toml
 
 def polyline(join, count=40):
     angle = np.linspace(0, np.pi / 2, count + 1)[1:]
-    return [Line(np.array([0.02 * np.sin(a), 0.02 - 0.02 * np.cos(a), 0.0]), join=join) for a in angle]
+    return [
+        Line(np.array([0.02 * np.sin(a), 0.02 - 0.02 * np.cos(a), 0.0]), join=join) for a in angle
+    ]
 
 
 def zigzag(join, count=30, **said):
-    return [Line(np.array([1e-3 * k, 1e-3 * (k % 2), 0.0]), join=join, **said) for k in range(1, count + 1)]
+    return [
+        Line(np.array([1e-3 * k, 1e-3 * (k % 2), 0.0]), join=join, **said)
+        for k in range(1, count + 1)
+    ]
 
 
 def count_stops(segments, machine="cartesian", order=2, **said):
@@ -43,10 +50,15 @@ def count_stops(segments, machine="cartesian", order=2, **said):
 
 @pytest.mark.parametrize(("end", "count"), [(STOP, 2), (Stop(), 1)])
 def test_a_stop_inside_a_fitted_chain_counts_in_windows_and_in_the_whole(end, count):
-    """A fit within 10 nm cannot round its corner, which is a stop that a larger tolerance avoids."""
+    """A fit within 10 nm cannot round its corner, which is a stop that a larger tolerance
+    avoids.
+    """
     corners = [(0.4, -2.0, 0.0), (0.8, -2.1, 0.0), (0.9, -1.5, 0.0), (0.1, -1.5, 0.0)]
     joins = [Blend(1e-4), Fit(1e-8), end, STOP]
-    lines = [Line(1e-3 * np.array(corner), join=join) for corner, join in zip(corners, joins, strict=True)]
+    lines = [
+        Line(1e-3 * np.array(corner), join=join)
+        for corner, join in zip(corners, joins, strict=True)
+    ]
     program = Program(tuple(lines))
     whole = plan(program, "arm", order=3)
     rests = whole.path.breaks[whole.path.stops(3)][1:-1]
@@ -80,10 +92,14 @@ def test_only_stops_without_a_reason_count(join, said, count):
 def test_a_dwell_and_a_reversal_ask_for_their_stops():
     rests = [part for line in zigzag(Through(), 6) for part in (line, Dwell(0.01))]
     assert count_stops(rests) == 0
-    there_and_back = [Line(np.array([5e-3 * (k % 2), 0.0, 0.0]), join=Through()) for k in range(1, 7)]
+    there_and_back = [
+        Line(np.array([5e-3 * (k % 2), 0.0, 0.0]), join=Through()) for k in range(1, 7)
+    ]
     assert count_stops(there_and_back) == 0
     lift = Line(np.array([0.0, 0.0, 0.02]), join=Stop())
-    turned = [Turn(None, Through(), about=np.array([0, 0, 1.0]), angle=angle) for angle in (0.05, -0.05)]
+    turned = [
+        Turn(None, Through(), about=np.array([0, 0, 1.0]), angle=angle) for angle in (0.05, -0.05)
+    ]
     assert count_stops([lift, *turned], "hexapod") == 0
 
 
@@ -104,7 +120,9 @@ def test_each_repetition_counts():
 
 
 def test_the_cost_of_a_tangent_stop_on_a_long_line_is_that_of_its_ramps():
-    """Two lines in one, which nobody joins: two ramps from and to v of v/a + a/j each, half of either is lost."""
+    """Two lines in one, which nobody joins: two ramps from and to v of v/a + a/j each, half of
+    either is lost.
+    """
     v, a, j = 0.1, 3.0, 100.0
     halves = [Line(np.array([x, 0.0, 0.0]), speed=v) for x in (0.04, 0.08)]
     made = plan(Program(tuple(halves)), "cartesian", order=3)
@@ -132,7 +150,10 @@ CASES = {
         2,
     ),
     "hexapod, order 3": (
-        [Line(np.array(to)) for to in ((0.01, 0, 0.005), (0.02, 0.003, 0.005), (0.025, 0.005, 0.008), (0, 0, 0.005))],
+        [
+            Line(np.array(to))
+            for to in ((0.01, 0, 0.005), (0.02, 0.003, 0.005), (0.025, 0.005, 0.008), (0, 0, 0.005))
+        ],
         "hexapod",
         3,
     ),
@@ -153,7 +174,9 @@ def test_the_cost_is_about_what_a_fit_of_the_same_tolerance_saves(case):
     program = Program(tuple(segments), speed=0.1)
     stopping = plan(program, machine, order=order)
     stops = stopping.avoidable_stops
-    saved = stopping.duration - plan(fit_joins(program, stops.tolerance), machine, order=order).duration
+    saved = (
+        stopping.duration - plan(fit_joins(program, stops.tolerance), machine, order=order).duration
+    )
     assert stops.count == len(segments) - 1
     assert 0.5 * saved < stops.cost < 1.5 * saved
 
@@ -177,7 +200,11 @@ def test_the_proposed_tolerance_is_small_beside_the_path():
     assert propose_tolerance(3.4e-5) == pytest.approx(2e-8)
 
 
-GCODE = "G21 G90 F6000\n{word}" + "".join(f"G1 X{(k + 1) // 2} Y{k // 2}\n" for k in range(1, 31)) + "M2\n"
+GCODE = (
+    "G21 G90 F6000\n{word}"
+    + "".join(f"G1 X{(k + 1) // 2} Y{k // 2}\n" for k in range(1, 31))
+    + "M2\n"
+)
 
 
 @pytest.mark.parametrize(
@@ -189,7 +216,9 @@ GCODE = "G21 G90 F6000\n{word}" + "".join(f"G1 X{(k + 1) // 2} Y{k // 2}\n" for 
         ("G64 P0.02\n", 0, None),
     ],
 )
-def test_files_of_other_formats_are_told_the_option_or_word_that_avoids_stops(tmp_path, word, count, remedy):
+def test_files_of_other_formats_are_told_the_option_or_word_that_avoids_stops(
+    tmp_path, word, count, remedy
+):
     file = tmp_path / "part.nc"
     file.write_text(GCODE.format(word=word))
     program = import_program(file).program

@@ -26,13 +26,24 @@ def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, connect
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     connection_time(60.0)
     copy = tmp_path / "planner"
-    shutil.copytree(Path(planner.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        Path(planner.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__")
+    )
     with (copy / "plan.py").open("a") as file:
         file.write("# of tomorrow\n")
-    command = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads=1", "--no-nanny", "--no-dashboard"]
+    command = [
+        sys.executable,
+        "-m",
+        "distributed.cli.dask_worker",
+        "--nthreads=1",
+        "--no-nanny",
+        "--no-dashboard",
+    ]
     paths, asked = [str(tmp_path), *filter(None, sys.path)], [Program((Line((0, 0, 1e-3)),))]
     with (
-        distributed.LocalCluster(n_workers=0, processes=True, dashboard_address="127.0.0.1:0") as cluster,
+        distributed.LocalCluster(
+            n_workers=0, processes=True, dashboard_address="127.0.0.1:0"
+        ) as cluster,
         subprocess.Popen(
             [*command, cluster.scheduler_address],
             stdout=subprocess.DEVNULL,
@@ -60,7 +71,9 @@ def test_another_library_on_the_workers_is_refused(monkeypatch):
     ) as cluster:
         numpy = look()["numpy"]
         monkeypatch.setitem(FIRST_FACTS, key, {**look(), "numpy": "1.0"})
-        with pytest.raises(MotionError, match=rf"different results: numpy {numpy} \(here 1\.0\)\. Install the same"):
+        with pytest.raises(
+            MotionError, match=rf"different results: numpy {numpy} \(here 1\.0\)\. Install the same"
+        ):
             list(run_on_cluster(divmod, [7], 2, cluster.scheduler_address))
 
 
@@ -80,7 +93,9 @@ def test_a_worker_that_differs_later_gets_no_more(monkeypatch):
         assert cluster.prepare(abs)(-7).result(lambda: "here") == "here"
         assert cluster.find_workers() == []
         monkeypatch.undo()
-        assert cluster.prepare(divmod)(7).result(lambda: "here") == "here"  # of one argument: it raises
+        assert (
+            cluster.prepare(divmod)(7).result(lambda: "here") == "here"
+        )  # of one argument: it raises
     assert "done by this computer instead of the cluster" in told[0]
     assert "numpy" in told[0]
     assert "TypeError" in told[-1]
@@ -113,18 +128,25 @@ def test_a_cluster_without_workers_is_told(connection_time):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     connection_time(0.5)
     with (
-        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address="127.0.0.1:0") as cluster,
+        distributed.LocalCluster(
+            n_workers=0, processes=False, dashboard_address="127.0.0.1:0"
+        ) as cluster,
         pytest.raises(MotionError, match=r"no worker after 0\.5 s: start some"),
     ):
         list(run_on_cluster(divmod, [7], 2, cluster.scheduler_address))
 
 
 def test_a_worker_looks_again_before_each_task():
-    """One that joins later: its facts in place of a result, before anything of ours is unpacked there."""
+    """One that joins later: its facts in place of a result, before anything of ours is unpacked
+    there.
+    """
     look = make_fact_finder()
     task, shared = pickle.dumps(7), pickle.dumps(2)
     assert _wrap_checked(divmod, look, look())(task, shared) == ((3, 1), None)
-    assert _wrap_checked(divmod, look, {**look(), "python": "2.7"})(b"of another world", b"") == (None, look())
+    assert _wrap_checked(divmod, look, {**look(), "python": "2.7"})(b"of another world", b"") == (
+        None,
+        look(),
+    )
 
 
 def test_it_looks_where_another_version_is(tmp_path):
@@ -162,7 +184,9 @@ def test_ctrl_c_reaches_no_worker_and_dask_says_nothing_of_itself():
     with open_cluster(most=1) as cluster:
         assert list(cluster.client.run(see_blocked).values()) == [True]
         assert not logging.getLogger("distributed").isEnabledFor(logging.ERROR)
-        spoken = cluster.client.run(lambda: logging.getLogger("distributed.worker").isEnabledFor(logging.ERROR))
+        spoken = cluster.client.run(
+            lambda: logging.getLogger("distributed.worker").isEnabledFor(logging.ERROR)
+        )
         assert list(spoken.values()) == [False]
     assert logging.getLogger("distributed").level == before
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])

@@ -32,7 +32,10 @@ def test_each_program_gets_its_plan_or_its_refusal_in_order(hexapod):
         here = plan(program, hexapod, order=2)
         assert one.trajectory.duration == here.trajectory.duration
         assert one.certificate.worst == here.certificate.worst
-        assert all(np.array_equal(a.ticks, b.ticks) for a, b in zip(one.pulses.axes, here.pulses.axes, strict=True))
+        assert all(
+            np.array_equal(a.ticks, b.ticks)
+            for a, b in zip(one.pulses.axes, here.pulses.axes, strict=True)
+        )
 
 
 def test_an_existing_cluster_by_address(hexapod):

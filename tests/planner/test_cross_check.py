@@ -33,7 +33,9 @@ def test_a_plan_by_toppra_is_certified_and_as_fast(program, hexapod, own):
     assert made.certificate.holds
     assert all("toppra" in method for method in made.methods)
     assert made.trajectory.duration == pytest.approx(own.trajectory.duration, rel=1e-5)
-    assert made.trajectory.duration != own.trajectory.duration  # it is another solver's, not ours once more
+    assert (
+        made.trajectory.duration != own.trajectory.duration
+    )  # it is another solver's, not ours once more
     assert made.pulses.total == own.pulses.total
     again = cross_check(made)  # ours is then made for it
     assert again.ours.trajectory.duration == own.trajectory.duration
@@ -52,7 +54,9 @@ def test_both_motions_stand_side_by_side(own):
         "pulsepath": own.trajectory.duration,
         "toppra": found.theirs.trajectory.duration,
     }
-    assert list(uses.columns[2].values) == [found.theirs.certificate.worst[name] for name in uses.columns[0].values]
+    assert list(uses.columns[2].values) == [
+        found.theirs.certificate.worst[name] for name in uses.columns[0].values
+    ]
 
 
 def test_a_plan_of_order_3_is_checked_at_order_2(hexapod):

@@ -1,6 +1,7 @@
 """The names by which other folders and tests use timing, certificate, bounds and interruption.
 
-A test that imports these names from a folder, not from a file below it, protects what moves within the folder.
+A test that imports these names from a folder, not from a file below it, protects what moves within
+the folder.
 """
 
 import ast
@@ -14,7 +15,8 @@ FOLDERS = {f"planner.{name}" for name in ("timing", "certificate", "bounds", "in
 
 # Tests that reach below a folder, because a step of an algorithm is what they test.
 INTERNALS = {
-    # steps of the interior point and of the passes: against finite differences, dense solves and linear programmes
+    # steps of the interior point and of the passes: against finite differences, dense solves and
+    # linear programmes
     "planner/timing/order3/test_interior_point.py",
     "planner/timing/order2/test_passes.py",
     "planner/timing/order3/test_pose.py",
@@ -66,5 +68,9 @@ def test_every_name_of_a_folder_is_there(folder):
 
 
 def test_only_tests_of_an_algorithm_s_steps_reach_below_a_folder():
-    reaching = {path.relative_to(TESTS).as_posix() for path in TESTS.rglob("test_*.py") if any(find_private(path))}
+    reaching = {
+        path.relative_to(TESTS).as_posix()
+        for path in TESTS.rglob("test_*.py")
+        if any(find_private(path))
+    }
     assert reaching - INTERNALS == set()

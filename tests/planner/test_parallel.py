@@ -1,4 +1,6 @@
-"""Work spread over processes: the same results, the same refusals, and what is spread can leave its process."""
+"""Work spread over processes: the same results, the same refusals, and what is spread can leave its
+process.
+"""
 
 import multiprocessing
 import os
@@ -35,7 +37,15 @@ def zigzag(count):
 
 def where(task):
     if task == "infeasible":
-        raise Infeasible("tilt", "leg1 base joint", Place(0.1, 2, 0.5, "leg1"), 36.0, 35.0, "deg", "move the path")
+        raise Infeasible(
+            "tilt",
+            "leg1 base joint",
+            Place(0.1, 2, 0.5, "leg1"),
+            36.0,
+            35.0,
+            "deg",
+            "move the path",
+        )
     if task == "dies":
         os._exit(1) if multiprocessing.parent_process() else None
     return task, os.getpid()
@@ -59,7 +69,11 @@ def test_results_come_in_order_and_from_other_processes(eager):
 def test_what_a_task_raises_is_raised_as_itself(eager):
     with pytest.raises(Infeasible, match="36 deg is beyond 35 deg") as caught:
         parallel.spread(where, [1, 2, 3, "infeasible", 5])
-    assert (caught.value.kind, caught.value.axis, caught.value.limit) == ("tilt", "leg1 base joint", 35.0)
+    assert (caught.value.kind, caught.value.axis, caught.value.limit) == (
+        "tilt",
+        "leg1 base joint",
+        35.0,
+    )
     assert caught.value.place == Place(0.1, 2, 0.5, "leg1")
     assert not multiprocessing.active_children()
 
@@ -72,7 +86,9 @@ def test_work_that_is_lost_with_its_process_is_done_here(eager):
 
 @pytest.mark.parametrize("moment", ["starting", "a moment later", 2, 10])
 def test_a_killed_process_costs_only_time(eager, moment):
-    """Work and results are larger than what a pipe holds, so that either end may be in the midst of one."""
+    """Work and results are larger than what a pipe holds, so that either end may be in the midst of
+    one.
+    """
     work = partial(multiply, np.random.default_rng(1).random(2**17))
     killed, found = [], []
 
@@ -95,7 +111,9 @@ def test_a_killed_process_costs_only_time(eager, moment):
     told, tasks = [], range(1, 30)
     if isinstance(moment, str):
         threading.Thread(target=early, daemon=True).start()
-    spread = threading.Thread(target=lambda: found.extend(parallel.spread(work, tasks, done)), daemon=True)
+    spread = threading.Thread(
+        target=lambda: found.extend(parallel.spread(work, tasks, done)), daemon=True
+    )
     spread.start()
     spread.join(60)
     assert not spread.is_alive()
@@ -108,7 +126,9 @@ def test_a_killed_process_costs_only_time(eager, moment):
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_no_process_outlives_the_one_that_began_it(tmp_path):
     command, environment = script(tmp_path, "time.sleep", 1)
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
     assert process.stdout.readline() == "begins\n"
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(2)
@@ -165,7 +185,9 @@ def test_the_same_motion_to_the_bit(processes, order, hexapod):
     processes(least=np.inf)
     alone = certified_solve(path, limits, order)
     for name in ("knots", "s", "v", "a", "j", "piece"):
-        assert np.array_equal(getattr(spread.trajectory, name), getattr(alone.trajectory, name)), name
+        assert np.array_equal(getattr(spread.trajectory, name), getattr(alone.trajectory, name)), (
+            name
+        )
     assert spread.certificate.worst == alone.certificate.worst
     assert spread.methods == alone.methods
     assert told == [(8, 16), (16, 16)]
@@ -191,7 +213,9 @@ def script(tmp_path, work, wait):
 
 
 def ends(group):
-    """Whether all of a group of processes end: Python's own helper does so a moment after the others."""
+    """Whether all of a group of processes end: Python's own helper does so a moment after the
+    others.
+    """
     for _ in range(100):
         try:
             os.killpg(group, 0)
@@ -203,7 +227,9 @@ def ends(group):
 
 def test_a_script_without_a_main_guard_is_not_run_again(tmp_path):
     command, environment = script(tmp_path, "abs", 1)
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=60, check=True
+    )
     assert done.stdout.split() == ["begins", "6.02"]
     assert not done.stderr
 
@@ -212,7 +238,12 @@ def test_a_script_without_a_main_guard_is_not_run_again(tmp_path):
 def test_ctrl_c_ends_all_processes(tmp_path):
     command, environment = script(tmp_path, "time.sleep", 30)
     process = subprocess.Popen(
-        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     )
     assert process.stdout.readline() == "begins\n"
     with pytest.raises(subprocess.TimeoutExpired):

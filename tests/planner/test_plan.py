@@ -1,4 +1,6 @@
-"""The main job on the hexapod: durations, limits and pulses by arithmetic of the tests' own, and refusals."""
+"""The main job on the hexapod: durations, limits and pulses by arithmetic of the tests' own, and
+refusals.
+"""
 
 from dataclasses import replace
 
@@ -33,20 +35,31 @@ def poses(trajectory, t):
 
 def own_machine(hexapod, axes=None, max_tilt=TILT):
     return Hexapod(
-        hexapod.base, hexapod.platform, axes=axes or hexapod.axes, home=hexapod.home, max_tilt=max_tilt, name="own"
+        hexapod.base,
+        hexapod.platform,
+        axes=axes or hexapod.axes,
+        home=hexapod.home,
+        max_tilt=max_tilt,
+        name="own",
     )
 
 
 @pytest.mark.parametrize(("order", "least", "most"), [(2, 1.2035, 1.2046), (3, 1.2610, 1.2618)])
 def test_the_bare_circle_takes_as_long_as_independent_solves_say(planned, order, least, most):
-    """toppra at 4000 points: 1.2040 s; jerk-limited solves on graded grids: 1.2615 to 1.2617 s. Faster is a fault."""
+    """toppra at 4000 points: 1.2040 s; jerk-limited solves on graded grids: 1.2615 to 1.2617 s.
+    Faster is a fault.
+    """
     assert least <= planned("bare-circle", order).trajectory.duration <= most
 
 
 def test_certificates_hold(planned_case):
     certificate = planned_case.certificate
     assert certificate.holds
-    assert {"speed", "acceleration", "travel", "tilt"} <= set(certificate.worst) == set(certificate.where)
+    assert (
+        {"speed", "acceleration", "travel", "tilt"}
+        <= set(certificate.worst)
+        == set(certificate.where)
+    )
     assert ("jerk" in certificate.worst) == (planned_case.order == 3)
     assert max(certificate.worst.values()) <= 1 + 1e-6
     # a time-optimal motion uses what it may
@@ -63,10 +76,12 @@ def test_lengths_are_those_of_the_pose(planned_case, own_lengths):
 
 
 def test_limits_hold_in_lengths_recomputed_and_differenced(planned_case, own_lengths):
-    """Central differences of lengths at 100 000 instants of the bare circle; only poses are asked of the package.
+    """Central differences of lengths at 100 000 instants of the bare circle; only poses are asked
+    of the package.
 
-    A k-th difference over steps h is a weighted mean of the k-th derivative: within a limit where that is, without an
-    error of truncation. Rounding adds 2ᵏ · 2e-16 m / hᵏ: below 2e-7 of each limit with the steps chosen.
+    A k-th difference over steps h is a weighted mean of the k-th derivative: within a limit where
+    that is, without an error of truncation. Rounding adds 2ᵏ · 2e-16 m / hᵏ: below 2e-7 of each
+    limit with the steps chosen.
     """
     trajectory = planned_case.trajectory
     t = instants(trajectory, 100_000 if planned_case.program.name == "bare-circle" else 40_000)
@@ -82,7 +97,12 @@ def test_limits_hold_in_lengths_recomputed_and_differenced(planned_case, own_len
     assert 0.98 < acceleration / ACCELERATION <= 1 + 1e-6 + 2e-7
     if planned_case.order == 3:
         h = 2e-3
-        jerk = np.abs(lengths(1.5 * h) - 3 * lengths(h / 2) + 3 * lengths(-h / 2) - lengths(-1.5 * h)).max() / h**3
+        jerk = (
+            np.abs(
+                lengths(1.5 * h) - 3 * lengths(h / 2) + 3 * lengths(-h / 2) - lengths(-1.5 * h)
+            ).max()
+            / h**3
+        )
         assert 0.9 < jerk / JERK <= 1 + 1e-6 + 2e-7
 
 
@@ -92,7 +112,9 @@ def test_travel_tilt_and_tool_speed_hold_too(planned_case, own_legs):
     position, rotation = poses(trajectory, t)
     legs = own_legs(position, rotation)
     lengths = np.linalg.norm(legs, axis=2)
-    stroke = lengths - np.linalg.norm(own_legs(np.array([[0, 0, 0.2336362]]), np.eye(3)[None]), axis=2)
+    stroke = lengths - np.linalg.norm(
+        own_legs(np.array([[0, 0, 0.2336362]]), np.eye(3)[None]), axis=2
+    )
     used = np.abs(stroke - STROKE / 2).max() / (STROKE / 2)
     # 1e-6 above what is proved, and what lies between samples 0.6 ms apart
     assert planned_case.certificate.worst["travel"] == pytest.approx(used, abs=2e-6)
@@ -102,22 +124,34 @@ def test_travel_tilt_and_tool_speed_hold_too(planned_case, own_legs):
     assert planned_case.certificate.worst["tilt"] == pytest.approx(tilt / TILT, abs=2e-6)
     if "tool speed" in planned_case.certificate.worst:
         h = 1e-5
-        speed = np.linalg.norm(poses(trajectory, t + h / 2)[0] - poses(trajectory, t - h / 2)[0], axis=1) / h
-        segment = np.array([planned_case.path.segment(int(piece)) for piece in trajectory.at(t).piece])
+        speed = (
+            np.linalg.norm(
+                poses(trajectory, t + h / 2)[0] - poses(trajectory, t - h / 2)[0], axis=1
+            )
+            / h
+        )
+        segment = np.array(
+            [planned_case.path.segment(int(piece)) for piece in trajectory.at(t).piece]
+        )
         capped = speed[segment == 3] / 0.03  # the preset's only cap, of its flat circle
         assert 0.999 < capped.max() <= 1 + 1e-6 + 1e-8
 
 
 def test_derivatives_belong_to_their_positions(planned_case):
-    """q̇, q̈ and q⃛ by Simpson's rule over each time piece give back what lies at its ends: q, q̇ and q̈."""
+    """q̇, q̈ and q⃛ by Simpson's rule over each time piece give back what lies at its ends: q, q̇
+    and q̈.
+    """
     trajectory = planned_case.trajectory
     h = np.diff(trajectory.knots)
     k = np.arange(len(h))
     start, middle, end = (trajectory.within(k, h * share) for share in (0.0, 0.5, 1.0))
     for value, rate in (("q", "qd"), ("qd", "qdd"), ("qdd", "qddd")):
-        change = (getattr(start, rate) + 4 * getattr(middle, rate) + getattr(end, rate)) * h[:, None] / 6
+        change = (
+            (getattr(start, rate) + 4 * getattr(middle, rate) + getattr(end, rate)) * h[:, None] / 6
+        )
         error = np.abs(getattr(end, value) - getattr(start, value) - change).max()
-        # Simpson's rule is exact for cubics: what a piece of a millisecond adds beyond is far below a millionth
+        # Simpson's rule is exact for cubics: what a piece of a millisecond adds beyond is far below
+        # a millionth
         assert error < 1e-6 * np.ptp(getattr(start, value))
 
 
@@ -134,7 +168,9 @@ def test_the_motion_rests_before_and_after(planned_case):
 
 
 def test_pulses_follow_the_motion(planned_case, own_lengths):
-    """|count·pulse − (q − home)| ≤ ½ pulse + one tick's travel at 100 000 random instants; the checker agrees."""
+    """|count·pulse − (q − home)| ≤ ½ pulse + one tick's travel at 100 000 random instants; the
+    checker agrees.
+    """
     trajectory, pulses = planned_case.trajectory, planned_case.pulses
     t = instants(trajectory, 100_000, seed=1)
     home = own_lengths(np.array([[0, 0, 0.2336362]]), np.eye(3)[None])
@@ -151,14 +187,24 @@ def test_pulses_follow_the_motion(planned_case, own_lengths):
 
 def test_a_dwell_is_a_rest_of_its_length(hexapod):
     moves = [Line([0, 0, 0.002]), Line([0, 0, 0.004])]
-    first, both = (plan(Program(part), hexapod, order=2).trajectory.duration for part in (moves[:1], moves))
-    rested = plan(Program([Dwell(0.1), moves[0], Dwell(0.25), moves[1], Dwell(0.5)]), hexapod, order=2).trajectory
+    first, both = (
+        plan(Program(part), hexapod, order=2).trajectory.duration for part in (moves[:1], moves)
+    )
+    rested = plan(
+        Program([Dwell(0.1), moves[0], Dwell(0.25), moves[1], Dwell(0.5)]), hexapod, order=2
+    ).trajectory
     assert rested.duration == pytest.approx(both + 0.85, rel=1e-12)
-    for start, length, height in ((0.0, 0.1, 0.0), (0.1 + first, 0.25, 2.0), (rested.duration - 0.5, 0.5, 4.0)):
+    for start, length, height in (
+        (0.0, 0.1, 0.0),
+        (0.1 + first, 0.25, 2.0),
+        (rested.duration - 0.5, 0.5, 4.0),
+    ):
         state = rested.at(start + length * np.linspace(0.001, 0.999, 5))
         assert (state.qd == 0).all()
         assert (state.qdd == 0).all()
-        assert (state.pose.translation - hexapod.home.translation)[:, 2] * 1e3 == pytest.approx([height] * 5, abs=1e-9)
+        assert (state.pose.translation - hexapod.home.translation)[:, 2] * 1e3 == pytest.approx(
+            [height] * 5, abs=1e-9
+        )
 
 
 def test_order_is_three_where_the_machine_states_jerk(hexapod):
@@ -172,12 +218,20 @@ def test_order_is_three_where_the_machine_states_jerk(hexapod):
 
 
 def test_limits_of_each_axis_are_its_own(hexapod):
-    """Leg 3 at half speed: on the way straight up, where all legs move alike, the whole takes as long as it needs."""
-    slow = [replace(axis, max_speed=SPEED / 2) if axis.name == "leg3" else axis for axis in hexapod.axes]
+    """Leg 3 at half speed: on the way straight up, where all legs move alike, the whole takes as
+    long as it needs.
+    """
+    slow = [
+        replace(axis, max_speed=SPEED / 2) if axis.name == "leg3" else axis for axis in hexapod.axes
+    ]
     up = Program([Line([0, 0, 0.03])])
-    found, reference = (plan(up, own_machine(hexapod, axes), order=2) for axes in (slow, hexapod.axes))
+    found, reference = (
+        plan(up, own_machine(hexapod, axes), order=2) for axes in (slow, hexapod.axes)
+    )
     assert found.certificate.where["speed"].axis == "leg3"
-    all_slow = plan(up, own_machine(hexapod, [replace(axis, max_speed=SPEED / 2) for axis in slow]), order=2)
+    all_slow = plan(
+        up, own_machine(hexapod, [replace(axis, max_speed=SPEED / 2) for axis in slow]), order=2
+    )
     assert found.trajectory.duration == pytest.approx(all_slow.trajectory.duration, rel=1e-9)
     assert found.trajectory.duration > 1.5 * reference.trajectory.duration
 
@@ -191,7 +245,10 @@ def strokes(own_lengths, position, rotation=None):
 
 @pytest.mark.parametrize(
     ("to", "rotate", "limit"),
-    [([0, 0, 0.06], None, STROKE), ([0.005, 0.0, 0.005], Rotation.from_euler("XYZ", [0, 20, 0], degrees=True), 0.0)],
+    [
+        ([0, 0, 0.06], None, STROKE),
+        ([0.005, 0.0, 0.005], Rotation.from_euler("XYZ", [0, 20, 0], degrees=True), 0.0),
+    ],
 )
 def test_travel_beyond_its_end_is_refused(hexapod, own_lengths, to, rotate, limit):
     with pytest.raises(Infeasible) as refusal:
@@ -199,13 +256,24 @@ def test_travel_beyond_its_end_is_refused(hexapod, own_lengths, to, rotate, limi
     error, stroke = refusal.value, strokes(own_lengths, to, rotate)[0]
     worst = int(np.argmax(np.abs(stroke - STROKE / 2)))
     assert (error.kind, error.unit, error.axis) == ("travel", "mm", error.place.axis)
-    assert stroke[int(error.axis[-1]) - 1] == pytest.approx(stroke[worst], abs=1e-12)  # legs may be used alike
+    assert stroke[int(error.axis[-1]) - 1] == pytest.approx(
+        stroke[worst], abs=1e-12
+    )  # legs may be used alike
     assert error.value == pytest.approx(stroke[worst] * 1e3, abs=1e-9)
     assert error.limit == pytest.approx(limit * 1e3, abs=1e-9)
     assert error.place.segment == 3
     # worst at the end of the way
-    assert error.place.s == pytest.approx(0.01 + np.linalg.norm(np.subtract(to, [0, 0, 0.01])), abs=1e-12)
-    for phrase in ("travel", error.axis, "segment 3", "mm", "slowing down cannot fix", "move the path"):
+    assert error.place.s == pytest.approx(
+        0.01 + np.linalg.norm(np.subtract(to, [0, 0, 0.01])), abs=1e-12
+    )
+    for phrase in (
+        "travel",
+        error.axis,
+        "segment 3",
+        "mm",
+        "slowing down cannot fix",
+        "move the path",
+    ):
         assert phrase in str(error)
 
 
@@ -220,7 +288,9 @@ def test_tilt_beyond_its_limit_is_refused(hexapod, own_legs):
     legs = own_legs(np.array([[0.025, 0, 0.2586362]]), np.eye(3)[None])[0]
     tilt = np.rad2deg(np.arccos(legs[:, 2] / np.linalg.norm(legs, axis=1)))
     assert (error.kind, error.unit) == ("tilt", "deg")
-    assert error.axis in {f"leg{1 + leg} {end} joint" for leg in range(6) for end in ("base", "platform")}
+    assert error.axis in {
+        f"leg{1 + leg} {end} joint" for leg in range(6) for end in ("base", "platform")
+    }
     assert error.value == pytest.approx(tilt.max(), abs=1e-9)
     assert tilt[int(error.axis[3]) - 1] == pytest.approx(tilt.max(), abs=1e-9)
     assert error.limit == pytest.approx(15.0)
@@ -229,8 +299,12 @@ def test_tilt_beyond_its_limit_is_refused(hexapod, own_legs):
 
 
 def test_travel_exceeded_between_the_points_looked_at_is_refused_all_the_same(hexapod, own_lengths):
-    """Twenty turns in one arc: evenly spaced points see few places of the circle; the proof sees the rest."""
-    start = RigidTransform.from_components([0.015 * np.cos(0.1), 0.015 * np.sin(0.1), 0.025], Rotation.identity())
+    """Twenty turns in one arc: evenly spaced points see few places of the circle; the proof sees
+    the rest.
+    """
+    start = RigidTransform.from_components(
+        [0.015 * np.cos(0.1), 0.015 * np.sin(0.1), 0.025], Rotation.identity()
+    )
     program = Program([Arc([0, 0, 0.025], [0, 0, 1], 40 * np.pi)], start=start)
 
     def highest(points):
@@ -262,10 +336,17 @@ def test_check_lists_everything_the_worst_first(hexapod):
 
 
 def test_a_program_may_start_anywhere_and_end_elsewhere(hexapod):
-    start = RigidTransform.from_components([0.003, -0.004, 0.02], Rotation.from_euler("XYZ", [2, 3, 4], degrees=True))
-    found = plan(Program([Turn(Rotation.identity()), Line([0, 0, 0.021])], start=start), hexapod, order=2)
+    start = RigidTransform.from_components(
+        [0.003, -0.004, 0.02], Rotation.from_euler("XYZ", [2, 3, 4], degrees=True)
+    )
+    found = plan(
+        Program([Turn(Rotation.identity()), Line([0, 0, 0.021])], start=start), hexapod, order=2
+    )
     state = found.trajectory.at(np.array([0.0, found.trajectory.duration]))
-    ends = hexapod.inverse(hexapod.home * start), hexapod.inverse(RigidTransform.from_translation([0, 0, 0.2546362]))
+    ends = (
+        hexapod.inverse(hexapod.home * start),
+        hexapod.inverse(RigidTransform.from_translation([0, 0, 0.2546362])),
+    )
     assert np.abs(state.q - ends).max() < 1e-12
     counts = found.pulses.counts(np.array([0.0, found.trajectory.duration]))
     assert (counts == np.round((np.array(ends) - hexapod.home_q) / PULSE)).all()
@@ -273,7 +354,9 @@ def test_a_program_may_start_anywhere_and_end_elsewhere(hexapod):
 
 @pytest.mark.parametrize("order", [0, 1, 4, 2.5, "3", True])
 def test_unknown_orders_are_refused(hexapod, order):
-    with pytest.raises(MotionError, match=r"order .* is not known; 2 limits|order is .*; expected a whole"):
+    with pytest.raises(
+        MotionError, match=r"order .* is not known; 2 limits|order is .*; expected a whole"
+    ):
         plan(SHORT, hexapod, order=order)
 
 
@@ -319,12 +402,17 @@ def test_a_gap_that_says_nothing_is_refused(hexapod, given, words):
 
 
 def test_a_motion_is_at_most_so_long_that_instants_tell_ticks_apart(hexapod):
-    """Up to 2^28 s neighbouring instants are 2^-25 s apart, 0.3 ticks of 10 MHz; beyond it 0.6, more than a half."""
+    """Up to 2^28 s neighbouring instants are 2^-25 s apart, 0.3 ticks of 10 MHz; beyond it 0.6,
+    more than a half.
+    """
     line, longest = Program((Line(np.array([0.0, 0, 1e-4])),), frame="home"), 2.0**28
     found = plan(line, hexapod, order=2, duration=longest)
     assert found.trajectory.duration == pytest.approx(longest, rel=1e-12)
     assert check_pulses(found.pulses, found.counted).holds
-    with pytest.raises(Infeasible, match=r"duration 268435457 s is beyond 268435456 s.*a clock of 8388608 Hz or less"):
+    with pytest.raises(
+        Infeasible,
+        match=r"duration 268435457 s is beyond 268435456 s.*a clock of 8388608 Hz or less",
+    ):
         plan(line, hexapod, order=2, duration=longest + 1)
     wait = Program((*line.segments, Dwell(longest)), frame="home")
     with pytest.raises(Infeasible, match="no longer motion has its instants within half a tick"):

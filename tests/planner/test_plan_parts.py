@@ -50,7 +50,9 @@ def test_parts_are_the_whole_but_for_what_they_look_ahead(walked, hexapod):
     program, parts = walked
     whole = plan(program, hexapod)
     assert len(parts) > 3
-    assert parts[-1].standing.duration == pytest.approx(whole.trajectory.duration, rel=5e-3)  # of 24 pieces each
+    assert parts[-1].standing.duration == pytest.approx(
+        whole.trajectory.duration, rel=5e-3
+    )  # of 24 pieces each
     assert parts[-1].standing.fit == whole.path.fit
     assert parts[-1].standing.start.length == pytest.approx(float(whole.path.breaks[-1]), rel=1e-12)
     assert parts[-1].standing.segment == 120
@@ -69,7 +71,9 @@ def test_what_is_read_ahead_is_told_before_the_first_part(walked, hexapod):
 def test_the_standing_is_that_of_all_parts(walked):
     _, parts = walked
     standing, schedule = parts[-1].standing, join_schedules([part.pulses for part in parts])
-    assert standing.duration == pytest.approx(sum(part.motion.duration for part in parts), rel=1e-12)
+    assert standing.duration == pytest.approx(
+        sum(part.motion.duration for part in parts), rel=1e-12
+    )
     for axis, (number, net) in zip(schedule.axes, standing.counted, strict=True):
         assert (number, net) == (len(axis), axis.final - axis.start)
     for name, use in standing.certificate.use.items():
@@ -78,7 +82,9 @@ def test_the_standing_is_that_of_all_parts(walked):
     axes, other_channels = {f"leg{n}" for n in range(1, 7)}, {"tool", "platform"}
     for name, place in standing.certificate.where.items():
         assert place.axis in axes | other_channels or name in ("tilt", "clearance"), name
-        assert 0 <= place.t <= standing.duration * (1 + 1e-12)  # a sum is rounded, the duration is not
+        assert (
+            0 <= place.t <= standing.duration * (1 + 1e-12)
+        )  # a sum is rounded, the duration is not
         assert 0 <= place.s <= standing.start.length
 
 
@@ -108,7 +114,9 @@ def test_windows_that_end_at_stops_have_no_way_to_rest(hexapod):
     assert parts[-1].standing.duration == pytest.approx(whole.trajectory.duration, rel=1e-5)
     assert [axis.final for axis in joined.axes] == [axis.final for axis in whole.pulses.axes]
     for part, other in pairwise(parts):  # what a part holds back, the next gives
-        for held, given, stated in zip(part.rest_pulses.axes, other.pulses.axes, part.pulses.axes, strict=True):
+        for held, given, stated in zip(
+            part.rest_pulses.axes, other.pulses.axes, part.pulses.axes, strict=True
+        ):
             assert held.start == given.start == stated.final
             assert (held.ticks >= part.until).all()
 
@@ -128,9 +136,17 @@ def test_a_part_that_cannot_be_is_refused_after_those_that_can(hexapod, limit_se
     ("program", "machine", "why"),
     [
         (Program([Line(np.ones(3) / 1e3)], duration=3.0), "hexapod", "states a duration"),
-        (Program([Line(np.ones(3) / 1e3)], start_speed=1e-3), "hexapod", "begins or ends in motion"),
+        (
+            Program([Line(np.ones(3) / 1e3)], start_speed=1e-3),
+            "hexapod",
+            "begins or ends in motion",
+        ),
         (Program([Line(np.ones(3) / 1e3, trigger=Trigger("a"))]), "hexapod", None),
-        (Program([Line(np.ones(3) / 1e3, speed=0.01, speed_constant=True)]), "hexapod", "constant speed"),
+        (
+            Program([Line(np.ones(3) / 1e3, speed=0.01, speed_constant=True)]),
+            "hexapod",
+            "constant speed",
+        ),
         (Program([Line(np.ones(3) / 1e3)]), "hexapod", None),
     ],
 )
@@ -147,11 +163,15 @@ def test_what_needs_the_whole_says_so(program, machine, why):
 def test_rules_that_look_at_the_whole_say_so(hexapod, rule):
     program = draw_walk(4)
     calls = []
-    list(plan_parts(program, hexapod, rule=rule, progress=lambda done, of: calls.append((done, of))))
+    list(
+        plan_parts(program, hexapod, rule=rule, progress=lambda done, of: calls.append((done, of)))
+    )
     assert calls
     assert calls[-1][0] == calls[-1][1]
     reason = find_whole_reason(PlanRequest(rule=rule), program, hexapod)
-    assert re.fullmatch(f"rule {rule} needs the whole motion, as it .*: choose rule nearest", reason)
+    assert re.fullmatch(
+        f"rule {rule} needs the whole motion, as it .*: choose rule nearest", reason
+    )
     (part,) = plan_parts(program, hexapod, rule=rule)
     assert_is_whole(part, plan(program, hexapod, rule=rule))
 
@@ -199,7 +219,9 @@ def sample_rows(parts, period):
     found = []
     for part in parts:
         begin = part.start.begin
-        n = np.arange(np.ceil(begin / period), np.floor((begin + part.motion.duration) / period) + 1)
+        n = np.arange(
+            np.ceil(begin / period), np.floor((begin + part.motion.duration) / period) + 1
+        )
         found.append(rows(part.motion, np.clip(n * period - begin, 0, part.motion.duration)))
     return np.concatenate(found)
 
@@ -243,7 +265,9 @@ def test_a_rest_of_days_is_seen_at_a_glance():
 
 
 def test_a_long_whole_plan_is_as_fast_as_its_parts():
-    """A grid as coarse as that of short runs made such plans up to 2 % slower than windows of them."""
+    """A grid as coarse as that of short runs made such plans up to 2 % slower than windows of
+    them.
+    """
     corners = [[20e-3, 0, 0], [10e-3, 17e-3, 3e-3], [0, 0, 0]]
     turned = [[20, 0, 10], [5, 0, -20], [0, 0, 0]]
     lines = [

@@ -1,7 +1,8 @@
-"""Refusals say what to change and by how much: each number applied makes the plan feasible, and a little less does not.
+"""Refusals say what to change and by how much: each number applied makes the plan feasible, and a
+little less does not.
 
-Of dwells, unloaded accelerations, periods, resonances and durations the tests are beside those of what refuses:
-test_compensate, test_generate_spacing, test_firing_rules, test_stated_duration.
+Of dwells, unloaded accelerations, periods, resonances and durations the tests are beside those of
+what refuses: test_compensate, test_generate_spacing, test_firing_rules, test_stated_duration.
 """
 
 import pickle
@@ -19,10 +20,19 @@ from planner.pulses import generate
 from tests.planner.motions import one_axis
 
 HIGH = Program([Line([0, 0, 0.025]), Line([0, 0, 0.06])])
-WIDE = Program([Line([0, 0, 0.02]), Line([0.1, 0, 0.02]), Arc([0, 0, 0.02], [0, 0, 1], 1.0), Spline([[0, 0.01, 0.03]])])
+WIDE = Program(
+    [
+        Line([0, 0, 0.02]),
+        Line([0.1, 0, 0.02]),
+        Arc([0, 0, 0.02], [0, 0, 1], 1.0),
+        Spline([[0, 0.01, 0.03]]),
+    ]
+)
 LOW = Program([Line([0.002, 0, -0.004]), Line([0.004, 0, -0.002])])
 TIPPED = Program([Line([0, 0, 0.025]), Turn(Rotation.from_euler("x", 30, degrees=True))])
-SHAKEN = Program([Line([0, 0, 0.02]), Curve(("0.01*sin(t)", "0", "0.02 + 0.02*t"), 0.0, 2.5, length=1.0)])
+SHAKEN = Program(
+    [Line([0, 0, 0.02]), Curve(("0.01*sin(t)", "0", "0.02 + 0.02*t"), 0.0, 2.5, length=1.0)]
+)
 
 
 @pytest.fixture(autouse=True)
@@ -61,7 +71,9 @@ def fits(program, machine):
 
 
 def scaled(program, share):
-    """About the home pose, which is where these programs begin: what a user does is to multiply the coordinates."""
+    """About the home pose, which is where these programs begin: what a user does is to multiply the
+    coordinates.
+    """
 
     def part(segment):
         match segment:
@@ -87,7 +99,9 @@ def test_the_scale_of_a_path_beyond_its_travel(hexapod, program):
     assert not fits(scaled(program, share + 0.003), hexapod)
 
 
-@pytest.mark.parametrize(("program", "axis", "sign"), [(HIGH, 2, -1), (LOW, 2, 1)], ids=["high", "low"])
+@pytest.mark.parametrize(
+    ("program", "axis", "sign"), [(HIGH, 2, -1), (LOW, 2, 1)], ids=["high", "low"]
+)
 def test_the_move_of_a_path_beyond_its_travel(hexapod, program, axis, sign):
     no = refused(program, hexapod)
     told = number(r"moved by >= (\S+ mm along \S+)", no)
@@ -96,22 +110,32 @@ def test_the_move_of_a_path_beyond_its_travel(hexapod, program, axis, sign):
 
     def moved(by):
         shift = sign * by * np.eye(3)[axis]
-        return replace(program, segments=tuple(replace(part, to=part.to + shift) for part in program.segments))
+        return replace(
+            program, segments=tuple(replace(part, to=part.to + shift) for part in program.segments)
+        )
 
     assert fits(moved(size), hexapod)
     assert not fits(moved(0.985 * size), hexapod)
 
 
 def test_a_path_that_starts_beyond_moves_start_and_all(hexapod):
-    """An arc begins where the path stands, so what is moved is the start that the program states."""
+    """An arc begins where the path stands, so what is moved is the start that the program
+    states.
+    """
     start = RigidTransform.from_translation([0.0, 0.0, 0.06])
     program = Program([Arc([0.005, 0, 0.06], [0, 0, 1], 1.0)], start=start)
     no = refused(program, hexapod)
     assert "scaled" not in str(no)
     size = float(number(r"moved by >= (\S+) mm along -z", no)) / 1e3
-    assert fits(Program([Arc([0.005, 0, 0.06 - size], [0, 0, 1], 1.0)], start=moved_by(start, -size)), hexapod)
+    assert fits(
+        Program([Arc([0.005, 0, 0.06 - size], [0, 0, 1], 1.0)], start=moved_by(start, -size)),
+        hexapod,
+    )
     less = 0.98 * size
-    assert not fits(Program([Arc([0.005, 0, 0.06 - less], [0, 0, 1], 1.0)], start=moved_by(start, -less)), hexapod)
+    assert not fits(
+        Program([Arc([0.005, 0, 0.06 - less], [0, 0, 1], 1.0)], start=moved_by(start, -less)),
+        hexapod,
+    )
 
 
 def moved_by(pose, up):
@@ -128,7 +152,10 @@ def test_the_angle_of_a_path_that_tips_or_twists_too_far(hexapod, kind):
     if kind == "tilt":
         machine, vector = loose(hexapod, max_tilt=np.deg2rad(25)), np.array([0.7, 0.0, 0.0])
     else:
-        machine, vector = loose(hexapod, leg_radius=0.0304), np.deg2rad(80) * np.array([0.05, 0.1, 1.0])
+        machine, vector = (
+            loose(hexapod, leg_radius=0.0304),
+            np.deg2rad(80) * np.array([0.05, 0.1, 1.0]),
+        )
     lift = Line([0, 0, 0.03])
     no = refused(Program([lift, Turn(Rotation.from_rotvec(vector))]), machine)
     assert no.kind == kind
@@ -156,7 +183,9 @@ def test_where_nothing_helps_that_is_said(hexapod):
     machine = Hexapod(hexapod.base, hexapod.platform, axes=hexapod.axes, home=hexapod.home)
     across = [Line([0, 0, 0.02]), Line([0.9, 0, 0.02]), Line([-0.9, 0, 0.02])]
     no = refused(Program(across), machine)
-    told = "no scale about its start down to 5 % and no move of up to 102.4 mm along an axis was found"
+    told = (
+        "no scale about its start down to 5 % and no move of up to 102.4 mm along an axis was found"
+    )
     assert told in str(no)
 
 
@@ -169,8 +198,16 @@ def test_the_force_that_holds_it(hexapod):
     over = float(number(r"reduce its load by (\S+) N, or increase its max_force by as much", no))
     for factor, holds in ((1.001, True), (0.99, False)):
         axes = [replace(axis, max_force=axis.max_force + factor * over) for axis in hexapod.axes]
-        stronger = Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=np.deg2rad(35))
-        assert fits(Program([Line([0.005, 0, 0.02])]), stronger.carrying(Load(Body(140.0, [0.05, 0, 0.1])))) == holds
+        stronger = Hexapod(
+            hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=np.deg2rad(35)
+        )
+        assert (
+            fits(
+                Program([Line([0.005, 0, 0.02])]),
+                stronger.carrying(Load(Body(140.0, [0.05, 0, 0.1]))),
+            )
+            == holds
+        )
 
 
 def test_the_constant_speed_that_holds(hexapod):
@@ -192,7 +229,9 @@ def test_the_constant_speed_that_holds(hexapod):
 def test_the_speed_at_an_end(hexapod, end):
     def moving(speed):
         start = RigidTransform.from_translation([0, 0, 0.02])
-        return plan(Program([Line([0.002, 0, 0.02])], start=start, **{end: speed}), hexapod, order=2)
+        return plan(
+            Program([Line([0.002, 0, 0.02])], start=start, **{end: speed}), hexapod, order=2
+        )
 
     with pytest.raises(Infeasible) as no:
         moving(0.2)
@@ -241,17 +280,23 @@ def test_the_rate_of_bursts_that_an_axis_takes():
 
 @pytest.mark.parametrize("shifted", [False, True])
 def test_a_start_out_of_reach_is_named(hexapod, shifted):
-    """A start in a shifted work frame, with a tool, is as far out of reach as the same start without."""
+    """A start in a shifted work frame, with a tool, is as far out of reach as the same start
+    without.
+    """
     program = Program([Line([0, 0, 0.205])], start=RigidTransform.from_translation([0, 0, 0.2]))
     expected = number(
-        r"the start of the program already exceeds a limit \((.*)\): change start", refused(program, hexapod)
+        r"the start of the program already exceeds a limit \((.*)\): change start",
+        refused(program, hexapod),
     )
     assert re.fullmatch(r"leg\d travel: [3-9]\d\d\.\d% of its limit", expected)
     if shifted:
         tool = RigidTransform.from_translation([0, 0, 0.05])
         work = RigidTransform.from_translation([0, 0, 0.05])
         shifted_program = replace(program, tool=tool, work=work)
-        assert number(r"exceeds a limit \((.*)\): change start", refused(shifted_program, hexapod)) == expected
+        assert (
+            number(r"exceeds a limit \((.*)\): change start", refused(shifted_program, hexapod))
+            == expected
+        )
     near = Program([Line([0, 0, 0.205])], start=RigidTransform.from_translation([0, 0, 0.02]))
     assert "change start" not in str(refused(near, hexapod))
 
@@ -266,7 +311,10 @@ def test_a_machine_beyond_a_limit_at_home_is_told_so(hexapod):
 
 @pytest.mark.parametrize(
     ("machine", "segment", "name"),
-    [("tripod", Turn(Rotation.from_euler("y", 5, degrees=True)), "ry"), ("linkage", Line([0, 0.01, 0.01]), "z")],
+    [
+        ("tripod", Turn(Rotation.from_euler("y", 5, degrees=True)), "ry"),
+        ("linkage", Line([0, 0.01, 0.01]), "z"),
+    ],
 )
 def test_a_component_that_the_machine_does_not_move_is_to_be_left_as_it_is(machine, segment, name):
     told = str(refused(Program([segment]), load_machine(machine)))
@@ -304,7 +352,9 @@ def test_the_move_of_a_path_past_a_pole_takes_its_start_along(tmp_path, radius):
 
     def line(by):
         x = radius - 0.2 + by
-        return Program([Line([x, 0.03, 0.0])], start=RigidTransform.from_translation([x, -0.03, 0.0]))
+        return Program(
+            [Line([x, 0.03, 0.0])], start=RigidTransform.from_translation([x, -0.03, 0.0])
+        )
 
     size = float(number(r"moved by >= (\S+) mm along \+x", refused(line(0.0), machine))) / 1e3
     assert size == pytest.approx(5e-3 - radius, rel=0.02)
@@ -330,7 +380,8 @@ pulse = "0.01 deg"
 max_speed = "200 deg/s"
 max_acceleration = "2000 deg/s^2"
 """
-# m above home where both rods are in one line: the elbows are 80 mm off the middle, so 50 mm outside their feet
+# m above home where both rods are in one line: the elbows are 80 mm off the middle, so 50 mm
+# outside their feet
 SINGULAR = 0.09 - np.sqrt(0.06**2 - 0.05**2)
 
 
@@ -358,25 +409,36 @@ def test_a_path_that_ends_just_before_a_singular_pose_is_warned_of(five_bar):
     pose = five_bar.home * RigidTransform.from_translation([0, SINGULAR - 1e-4, 0])
     assert near.conditioning.value == pytest.approx(five_bar.check(pose).conditioning[0], rel=1e-6)
     assert not check(Program([Line([0, 0.03, 0])]), five_bar).warnings
-    assert plan(Program([Line([0, SINGULAR - 1e-4, 0])]), five_bar).conditioning == near.conditioning
+    assert (
+        plan(Program([Line([0, SINGULAR - 1e-4, 0])]), five_bar).conditioning == near.conditioning
+    )
 
 
 def test_a_path_out_of_reach_names_the_axes(five_bar):
     program = Program([Line([0, -0.15, 0])])
-    assert "there is no position of left, right; bring it nearer to home" in str(refused(program, five_bar))
+    assert "there is no position of left, right; bring it nearer to home" in str(
+        refused(program, five_bar)
+    )
 
 
 @pytest.mark.parametrize(
     ("factor", "remedy"),
     [
-        (25.4, 'divided by 25.4, the path fits: if it is in mm but read as inches, state length = "mm"'),
+        (
+            25.4,
+            'divided by 25.4, the path fits: if it is in mm but read as inches, state length = "mm"',
+        ),
         (1000, 'divided by 1000, the path fits: if it is in mm but read as m, state length = "mm"'),
-        (1 / 25.4, 'multiplied by 25.4, the path fits: if the program is in inches, state length = "in"'),
+        (
+            1 / 25.4,
+            'multiplied by 25.4, the path fits: if the program is in inches, state length = "in"',
+        ),
         (1e-3, 'multiplied by 1000, the path fits: if the program is in m, state length = "m"'),
     ],
 )
 def test_a_mistaken_unit_is_suspected(hexapod, factor, remedy):
-    """Coordinates in the base frame do not fit in any other unit; those from home fit in a smaller one.
+    """Coordinates in the base frame do not fit in any other unit; those from home fit in a smaller
+    one.
 
     Of a machine whose bodies may touch, as above.
     """

@@ -1,4 +1,6 @@
-"""Equal runs are planned and proved once: the motion and its proof are those of planning each of them."""
+"""Equal runs are planned and proved once: the motion and its proof are those of planning each of
+them.
+"""
 
 from dataclasses import fields, replace
 
@@ -21,15 +23,18 @@ from planner.windows import WindowPlanner
 
 REPEAT = 5
 START = np.array([0.0, 0.0, 0.025])
-# A copy begins at another path length, which is rounded: to 1e-16 of the path, a few times. At order
-# 3 a run that is solved anew there ends a little elsewhere, within the solver's tolerance of 1e-6.
+# A copy begins at another path length, which is rounded: to 1e-16 of the path, a few times. At
+# order 3 a run that is solved anew there ends a little elsewhere, within the solver's tolerance of
+# 1e-6.
 ROUNDING = {2: 1e-12, 3: 1e-9}
 # A proved bound is refined until it is within 5e-7 of what is attained.
 TIGHT = 1e-6
 
 
 class FarAway(Limit):
-    """A limit of a caller's own that no motion comes near: where there is one, nothing is copied."""
+    """A limit of a caller's own that no motion comes near: where there is one, nothing is
+    copied.
+    """
 
     name, channels, units = "far away", ("tool",), (("mm/s", 1e3),)
     terms = frozenset({Term.SD})
@@ -68,7 +73,9 @@ def program():
     )
 
 
-@pytest.fixture(scope="module", params=[("hexapod", 2), ("hexapod", 3), ("cartesian", 2), ("cartesian", 3)])
+@pytest.fixture(
+    scope="module", params=[("hexapod", 2), ("hexapod", 3), ("cartesian", 2), ("cartesian", 3)]
+)
 def plans(request, program):
     """The plan with copies, the plan without, and the numbers of runs that each has solved."""
     name, order = request.param
@@ -124,8 +131,12 @@ def test_copies_have_the_same_pulses(plans):
 
 def test_the_bound_of_equal_runs_is_that_of_each(plans):
     copied, single, _ = plans
-    quick = [bound_duration(one.trajectory, one.limits, one.order, most_cells=600) for one in (copied, single)]
-    # path lengths differ by rounding, and the dual stops at 1e-5 of the time: bounds then differ by 2e-9
+    quick = [
+        bound_duration(one.trajectory, one.limits, one.order, most_cells=600)
+        for one in (copied, single)
+    ]
+    # path lengths differ by rounding, and the dual stops at 1e-5 of the time: bounds then differ by
+    # 2e-9
     assert quick[0].value == pytest.approx(quick[1].value, rel=1e-8)
     np.testing.assert_allclose(quick[0].s, quick[1].s, atol=1e-9 * copied.path.breaks[-1])
     assert quick[0].loss.sum() == pytest.approx(copied.duration - quick[0].value, rel=1e-6)
@@ -135,8 +146,12 @@ def test_runs_that_differ_in_a_cap_alone_are_not_copied():
     machine = load_machine("cartesian")
     there, back = np.array([0.01, 0.0, 0.025]), START
     speeds = 0.02, 0.01, 0.02
-    segments = [line for speed in speeds for line in (Line(there, speed=speed), Line(back, speed=speed))]
-    planned = plan(Program(start=RigidTransform.from_translation(START), segments=tuple(segments)), machine)
+    segments = [
+        line for speed in speeds for line in (Line(there, speed=speed), Line(back, speed=speed))
+    ]
+    planned = plan(
+        Program(start=RigidTransform.from_translation(START), segments=tuple(segments)), machine
+    )
     moving = planned.trajectory.piece
     fastest = [planned.trajectory.v[moving == k].max() for k in range(len(segments))]
     np.testing.assert_allclose(fastest, np.repeat(speeds, 2), rtol=1e-6)
@@ -159,7 +174,9 @@ class SlowThird(FarAway):
 
 def test_a_limit_that_depends_on_the_place_is_not_copied(monkeypatch):
     """Even if the table has it: a proof of one place would be taken for that of another."""
-    monkeypatch.setitem(MACHINE_LIMITS, SlowThird, lambda machine, path: SlowThird(len(path.pieces)))
+    monkeypatch.setitem(
+        MACHINE_LIMITS, SlowThird, lambda machine, path: SlowThird(len(path.pieces))
+    )
     there = Line(np.array([0.01, 0.0, 0.025]))
     program = Program(
         start=RigidTransform.from_translation(START),
@@ -177,11 +194,16 @@ def test_parts_with_copies_are_those_without(program):
     machine = load_machine("hexapod")
     for pieces in (4, 14):
         (copied, single) = (
-            list(plan_parts(program, machine, limits=limits, pieces=pieces)) for limits in ((), (FarAway(),))
+            list(plan_parts(program, machine, limits=limits, pieces=pieces))
+            for limits in ((), (FarAway(),))
         )
         assert len(copied) == len(single)
-        assert copied[-1].standing.duration == pytest.approx(single[-1].standing.duration, rel=ROUNDING[3])
-        assert [part.standing.segment for part in copied] == [part.standing.segment for part in single]
+        assert copied[-1].standing.duration == pytest.approx(
+            single[-1].standing.duration, rel=ROUNDING[3]
+        )
+        assert [part.standing.segment for part in copied] == [
+            part.standing.segment for part in single
+        ]
         proof = copied[-1].standing.certificate
         assert proof.holds
         for name, worst in proof.worst.items():
@@ -199,7 +221,9 @@ def test_a_stretch_longer_than_a_window_is_planned_once(program):
         if not isinstance(segment, Dwell)
     )
     program = replace(program, segments=smooth)
-    planner = WindowPlanner(machine, lambda path: limits_of(path, machine.axes, 2), 2, pieces=3, copying=True)
+    planner = WindowPlanner(
+        machine, lambda path: limits_of(path, machine.axes, 2), 2, pieces=3, copying=True
+    )
     windows = list(planner(walk_path(program, machine)))
     each = len(windows) // REPEAT
     for one, other in zip(windows[each:-each], windows[2 * each :], strict=True):
@@ -210,7 +234,8 @@ def test_a_stretch_longer_than_a_window_is_planned_once(program):
         for at in window.solution.certificate.where.values():
             near = np.searchsorted(path.breaks, at.s - start.length + np.array([-1e-9, 1e-9])) - 1
             numbers = {
-                (path.pieces[k].segment, path.pieces[k].repetition) for k in np.clip(near, 0, len(path.pieces) - 1)
+                (path.pieces[k].segment, path.pieces[k].repetition)
+                for k in np.clip(near, 0, len(path.pieces) - 1)
             }
             assert (at.segment, at.repetition) in numbers
 
@@ -240,7 +265,9 @@ OTHER_VALUES = {
 
 @pytest.mark.parametrize("name", [field.name for field in fields(Piece)])
 def test_every_field_of_a_piece_decides_whether_it_equals_another(name, program):
-    """A piece that differs in anything but its numbers is not timed and proved by another's motion."""
+    """A piece that differs in anything but its numbers is not timed and proved by another's
+    motion.
+    """
     machine = load_machine("cartesian")
     first, *others = [step.piece for step in walk_path(program, machine)]
     other = next(piece for piece in others if piece.shape != first.shape)

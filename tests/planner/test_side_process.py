@@ -1,4 +1,6 @@
-"""A process beside this one: work is done there where there is one, and here where there is none or it cannot be."""
+"""A process beside this one: work is done there where there is one, and here where there is none or
+it cannot be.
+"""
 
 import multiprocessing
 import os
@@ -101,7 +103,9 @@ with parallel.side_process(["fractions"]) as other:
 
 
 def test_a_script_that_calls_the_command_line_runs_once(tmp_path):
-    """No `if __name__ == "__main__"` stands in it, and its folder has modules of other names than they should."""
+    """No `if __name__ == "__main__"` stands in it, and its folder has modules of other names than
+    they should.
+    """
     (tmp_path / "mine.py").write_text(SCRIPT)
     (tmp_path / "signal.py").write_text("raise SystemExit('not this one')")
     path = os.pathsep.join(filter(None, sys.path))
@@ -131,7 +135,9 @@ with parallel.side_process() as other:
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no signal masks here")
 def test_ctrl_c_while_it_starts_is_not_for_it():
-    """A terminal's Ctrl-C reaches the whole group, and the other process while Python starts in it."""
+    """A terminal's Ctrl-C reaches the whole group, and the other process while Python starts in
+    it.
+    """
     with subprocess.Popen(
         [sys.executable, "-c", INTERRUPTED],
         stdout=subprocess.PIPE,
@@ -154,7 +160,9 @@ def test_ctrl_c_is_let_in_again():
         assert sys.modules["__main__"] is main
 
 
-@pytest.mark.parametrize("lacking", ["multiprocessing.Pipe", "loky.backend.process.LokyProcess.start"])
+@pytest.mark.parametrize(
+    "lacking", ["multiprocessing.Pipe", "loky.backend.process.LokyProcess.start"]
+)
 def test_where_none_can_be_started_all_is_done_here(monkeypatch, lacking):
     """As at the system's limit of processes or of open files."""
 

@@ -1,6 +1,8 @@
-"""How far a program goes on its way to pulses: through how many files and how much code, and how deep to the solver.
+"""How far a program goes on its way to pulses: through how many files and how much code, and how
+deep to the solver.
 
-Whoever follows a plan through the code reads what is counted here; a change that makes it longer shows that it does.
+Whoever follows a plan through the code reads what is counted here; a change that makes it longer
+shows that it does.
 """
 
 import ast
@@ -20,11 +22,12 @@ from planner import load_program, plan
 
 ROOT = Path(planner.__file__).parents[1]
 PACKAGES = tuple(
-    f"{ROOT / name}{os.sep}" for name in ("kinematics", "planner", "controllers", "benchmarks", "pulsepath")
+    f"{ROOT / name}{os.sep}"
+    for name in ("kinematics", "planner", "controllers", "benchmarks", "pulsepath")
 )
 # Reached with the circle at order 2; the rest of its way is no longer than this. Code is counted in
-# tokens without docstrings and comments: cutting a function in two does not make its reader read more.
-# The goal of a motion and the table of attempts, both plug points, are one frame each.
+# tokens without docstrings and comments: cutting a function in two does not make its reader read
+# more. The goal of a motion and the table of attempts, both plug points, are one frame each.
 MOST_FILES, MOST_TOKENS, DEEPEST = 72, 59_000, 10
 
 RUN_WITHIN_RUN = 5
@@ -33,10 +36,12 @@ RUN_WITHIN_RUN = 5
 
 @pytest.fixture(scope="module")
 def entered():
-    """What the circle's plan enters of our code, and the chains of our functions that lead to the order-2 solver.
+    """What the circle's plan enters of our code, and the chains of our functions that lead to the
+    order-2 solver.
 
-    The plan is made once before: what is built once for a machine and kept is not on every program's way.
-    Comprehensions and lambdas belong to the function that they stand in, so that the count is that of any Python.
+    The plan is made once before: what is built once for a machine and kept is not on every
+    program's way. Comprehensions and lambdas belong to the function that they stand in, so that the
+    count is that of any Python.
     """
     program, machine = load_program("circle"), load_machine("hexapod")
     plan(program, machine, order=2)
@@ -50,7 +55,9 @@ def entered():
         if frame.f_code.co_name == "largest_speeds":
             chain = []
             while frame.f_code.co_name != "plan":
-                if frame.f_code.co_filename.startswith(PACKAGES) and not frame.f_code.co_name.startswith("<"):
+                if frame.f_code.co_filename.startswith(
+                    PACKAGES
+                ) and not frame.f_code.co_name.startswith("<"):
                     chain.append(frame.f_code.co_qualname)
                 frame = frame.f_back
             chains.append(("plan", *reversed(chain)))
@@ -70,7 +77,10 @@ def count_tokens(code):
     if ast.get_docstring(function) is not None:
         function.body[0] = ast.Pass()
     kinds = {tokenize.NAME, tokenize.NUMBER, tokenize.STRING, tokenize.OP}
-    return sum(token.type in kinds for token in tokenize.generate_tokens(io.StringIO(ast.unparse(function)).readline))
+    return sum(
+        token.type in kinds
+        for token in tokenize.generate_tokens(io.StringIO(ast.unparse(function)).readline)
+    )
 
 
 def test_a_program_reaches_its_pulses_through_few_files_and_little_code(entered):
@@ -82,7 +92,9 @@ def test_a_program_reaches_its_pulses_through_few_files_and_little_code(entered)
 
 
 def test_the_solver_is_near(entered):
-    """plan → make_plan → certified_solve → solve_goal → a part's worth of runs → a run → an attempt → its solver."""
+    """plan → make_plan → certified_solve → solve_goal → a part's worth of runs → a run → an attempt
+    → its solver.
+    """
     _, chains = entered
     first = min(chains, key=len)
     assert len(first) <= DEEPEST, " > ".join(first)

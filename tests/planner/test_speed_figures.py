@@ -14,7 +14,9 @@ CAP = 60e-3
 
 
 def zigzag(join):
-    """Lines of 4 mm that turn by 90° each; the corners are rounded, which is shorter than the corner."""
+    """Lines of 4 mm that turn by 90° each; the corners are rounded, which is shorter than the
+    corner.
+    """
     points = [(4 * ((n + 1) // 2), 4 * (n // 2), 0) for n in range(1, 9)]
     lines = [Line(1e-3 * np.array(point), join=join) for point in points[:-1]]
     return Program((*lines, Line(1e-3 * np.array(points[-1]))), speed=CAP)

@@ -2,7 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import Akima1DInterpolator, BPoly, BSpline, CubicSpline, PPoly, make_interp_spline
+from scipy.interpolate import (
+    Akima1DInterpolator,
+    BPoly,
+    BSpline,
+    CubicSpline,
+    PPoly,
+    make_interp_spline,
+)
 
 from kinematics import MotionError
 from planner import time_optimal
@@ -13,7 +20,9 @@ POINTS = np.array([[0.0, 0.0], [0.3, -0.2], [0.1, 0.4], [0.2, 0.5], [0.0, 0.1]])
 
 
 def checked(path, start, end, **limits):
-    """The solution, after the promises that every solution makes: continuous, from rest to rest, within limits."""
+    """The solution, after the promises that every solution makes: continuous, from rest to rest,
+    within limits.
+    """
     found = time_optimal(path, **limits)
     trajectory = found.trajectory
     assert found.certificate.holds
@@ -24,14 +33,22 @@ def checked(path, start, end, **limits):
     size = np.ptp(state.q, axis=0).max()
     assert np.abs(state.q[0] - start).max() < 1e-9 * size
     assert np.abs(state.q[-1] - end).max() < 1e-9 * size
-    for name, values in (("max_speed", state.qd), ("max_acceleration", state.qdd), ("max_jerk", state.qddd)):
+    for name, values in (
+        ("max_speed", state.qd),
+        ("max_acceleration", state.qdd),
+        ("max_jerk", state.qddd),
+    ):
         if name in limits:
             assert (np.abs(values).max(0) <= np.asarray(limits[name]) * (1 + 1e-6)).all()
-    # q̇ is the derivative of q: its integral by Simpson's rule comes back to q, within a step of changing acceleration
+    # q̇ is the derivative of q: its integral by Simpson's rule comes back to q, within a step of
+    # changing acceleration
     dt = t[1] - t[0]
     middle = trajectory.at(t[:-1] + dt / 2)
     travelled = np.cumsum((state.qd[:-1] + 4 * middle.qd + state.qd[1:]) * dt / 6, axis=0)
-    assert np.abs(state.q[1:] - state.q[0] - travelled).max() < np.abs(state.qdd).max() * dt**2 + 1e-9 * size
+    assert (
+        np.abs(state.q[1:] - state.q[0] - travelled).max()
+        < np.abs(state.qdd).max() * dt**2 + 1e-9 * size
+    )
     return found
 
 
@@ -44,12 +61,24 @@ PATHS = {
     "CubicSpline": (CubicSpline(KNOTS, POINTS), POINTS[0], POINTS[-1]),
     "clamped": (CubicSpline(KNOTS, POINTS, bc_type="clamped"), POINTS[0], POINTS[-1]),
     "BSpline": (make_interp_spline(KNOTS, POINTS, k=3), POINTS[0], POINTS[-1]),
-    "quintic BSpline": (make_interp_spline(np.arange(7.0), np.tile(POINTS, (2, 1))[:7], k=5), POINTS[0], POINTS[1]),
+    "quintic BSpline": (
+        make_interp_spline(np.arange(7.0), np.tile(POINTS, (2, 1))[:7], k=5),
+        POINTS[0],
+        POINTS[1],
+    ),
     "BSpline of one axis": (make_interp_spline(KNOTS, POINTS[:, 1], k=3), [0.0], [0.1]),
-    "BSpline with knots outside": (BSpline(np.arange(10) - 3.0, [9.0, 0, 1, 3, 2, 9], 3), [5 / 3], [10 / 3]),
+    "BSpline with knots outside": (
+        BSpline(np.arange(10) - 3.0, [9.0, 0, 1, 3, 2, 9], 3),
+        [5 / 3],
+        [10 / 3],
+    ),
     "Akima": (Akima1DInterpolator(KNOTS, POINTS), POINTS[0], POINTS[-1]),
     "BPoly": (bernstein(), [0.0, 0.0], [0.5, 0.3]),
-    "PPoly": (PPoly(np.array([[[1.0, 0.5]], [[0.0, 1.0]], [[3.0, 4.0]]]), [0.0, 1.0]), [3.0, 4.0], [4.0, 5.5]),
+    "PPoly": (
+        PPoly(np.array([[[1.0, 0.5]], [[0.0, 1.0]], [[3.0, 4.0]]]), [0.0, 1.0]),
+        [3.0, 4.0],
+        [4.0, 5.5],
+    ),
 }
 
 
@@ -61,7 +90,9 @@ def test_every_kind_of_piecewise_polynomial(kind):
 
 @pytest.mark.parametrize("kind", ["CubicSpline", "clamped", "BPoly", "PPoly"])
 def test_every_kind_with_jerk(kind):
-    """Of splines whose curvature is continuous; Akima's jumps at every knot, where the motion then stops."""
+    """Of splines whose curvature is continuous; Akima's jumps at every knot, where the motion then
+    stops.
+    """
     path, start, end = PATHS[kind]
     found = checked(path, start, end, max_speed=1.0, max_acceleration=[5.0, 4.0], max_jerk=50.0)
     free = time_optimal(path, max_speed=1.0, max_acceleration=[5.0, 4.0])
@@ -80,8 +111,12 @@ def test_kinds_of_the_same_curve_take_the_same_time():
         CubicSpline(knots, cubic(knots)),
         make_interp_spline(knots, cubic(knots)),
     ]
-    times = [time_optimal(path, max_speed=2.0, max_acceleration=3.0).trajectory.duration for path in same]
-    assert times == pytest.approx([times[0]] * 4, rel=2e-4)  # the grids differ: their breaks are theirs
+    times = [
+        time_optimal(path, max_speed=2.0, max_acceleration=3.0).trajectory.duration for path in same
+    ]
+    assert times == pytest.approx(
+        [times[0]] * 4, rel=2e-4
+    )  # the grids differ: their breaks are theirs
 
 
 def test_scalar_and_single_and_per_axis_limits_are_the_same():
@@ -95,7 +130,9 @@ def test_scalar_and_single_and_per_axis_limits_are_the_same():
 
 def test_scalar_values_are_one_axis():
     """A path of shape () has one axis: T = L/V + V/A."""
-    found = checked(PPoly([[2.0], [0.0]], [0.0, 1.0]), [0.0], [2.0], max_speed=0.5, max_acceleration=1.0)
+    found = checked(
+        PPoly([[2.0], [0.0]], [0.0, 1.0]), [0.0], [2.0], max_speed=0.5, max_acceleration=1.0
+    )
     assert found.trajectory.duration == pytest.approx(2 / 0.5 + 0.5 / 1.0, rel=1e-5)
 
 
@@ -103,25 +140,37 @@ def test_scalar_values_are_one_axis():
 def test_the_motion_stops_at_a_corner(jerk):
     """Two lines at right angles: each is a motion of its own, and the corner is a rest."""
     corner = PPoly(np.array([[[1.0, 0], [0, 1.0]], [[0.0, 0], [1.0, 0]]]), [0.0, 1.0, 2.0])
-    limits = {"max_speed": 1.0, "max_acceleration": 2.0} | ({} if jerk is None else {"max_jerk": jerk})
+    limits = {"max_speed": 1.0, "max_acceleration": 2.0} | (
+        {} if jerk is None else {"max_jerk": jerk}
+    )
     found = checked(corner, [0, 0], [1, 1], **limits)
     each = 1 / 1.0 + 1.0 / 2.0 + (0 if jerk is None else 2.0 / jerk)
     assert found.trajectory.duration == pytest.approx(2 * each, rel=1e-3)
     k = int(np.searchsorted(found.trajectory.piece, 1))
-    at = found.trajectory.within(np.array([k - 1, k]), np.array([np.diff(found.trajectory.knots)[k - 1], 0.0]))
+    at = found.trajectory.within(
+        np.array([k - 1, k]), np.array([np.diff(found.trajectory.knots)[k - 1], 0.0])
+    )
     assert at.q == pytest.approx(np.array([[1.0, 0], [1.0, 0]]), abs=1e-9)
     assert np.abs(at.qd).max() < 1e-9
     assert len(found.methods) == 2
 
 
 def test_a_jump_of_curvature_is_a_stop_only_under_jerk_limits():
-    bend = PPoly(np.array([[[0.0, 0.0], [0.0, 0.5]], [[1.0, 0], [1.0, 0]], [[0.0, 0], [1.0, 0]]]), [0.0, 1.0, 2.0])
+    bend = PPoly(
+        np.array([[[0.0, 0.0], [0.0, 0.5]], [[1.0, 0], [1.0, 0]], [[0.0, 0], [1.0, 0]]]),
+        [0.0, 1.0, 2.0],
+    )
     limits = {"max_speed": 1.0, "max_acceleration": 2.0}
     assert len(checked(bend, [0, 0], [2.0, 0.5], **limits).methods) == 1
     found = checked(bend, [0, 0], [2.0, 0.5], **limits, max_jerk=40.0)
     assert len(found.methods) == 2
     assert (
-        np.abs(found.trajectory.at(found.trajectory.knots[np.searchsorted(found.trajectory.piece, 1)]).qd).max() < 1e-9
+        np.abs(
+            found.trajectory.at(
+                found.trajectory.knots[np.searchsorted(found.trajectory.piece, 1)]
+            ).qd
+        ).max()
+        < 1e-9
     )
 
 
@@ -134,7 +183,9 @@ def test_the_contract_s_case():
 @pytest.mark.parametrize("jerk", [{}, {"max_jerk": 50.0}])
 @pytest.mark.parametrize("reverse", [False, True])
 def test_a_path_that_sets_out_without_slope(jerk, reverse):
-    """q = s² over [0, 1] has q′ = 0 at its start: the same motion as along q = s, in another parameter."""
+    """q = s² over [0, 1] has q′ = 0 at its start: the same motion as along q = s, in another
+    parameter.
+    """
     c = [[1.0], [-2.0], [1.0]] if reverse else [[1.0], [0.0], [0.0]]
     ends = ([1.0], [0.0]) if reverse else ([0.0], [1.0])
     found = checked(PPoly(c, [0.0, 1.0]), *ends, max_speed=1.0, max_acceleration=2.0, **jerk)
@@ -145,7 +196,9 @@ def test_a_path_that_sets_out_without_slope(jerk, reverse):
 @pytest.mark.parametrize("jerk", [{}, {"max_jerk": [50.0, 1e-12]}])
 def test_an_axis_that_never_moves_binds_nothing(jerk):
     path = PPoly(np.array([[[1.0, 0.0]], [[0.0, 7.0]]]), [0.0, 1.0])
-    found = checked(path, [0, 7], [1, 7], max_speed=[1.0, 1e-12], max_acceleration=[2.0, 1e-12], **jerk)
+    found = checked(
+        path, [0, 7], [1, 7], max_speed=[1.0, 1e-12], max_acceleration=[2.0, 1e-12], **jerk
+    )
     assert found.trajectory.duration == pytest.approx(1.5 + (2 / 50 if jerk else 0), rel=1e-3)
 
 
@@ -167,25 +220,30 @@ def test_a_parameter_that_starts_far_from_zero():
 
 @pytest.mark.parametrize(("count", "jerk"), [(301, {}), (61, {"max_jerk": 500.0})])
 def test_hundreds_of_pieces(count, jerk):
-    """A spline through so many points of an ellipse is one run, as fast as a spline through 41 of them."""
+    """A spline through so many points of an ellipse is one run, as fast as a spline through 41 of
+    them.
+    """
 
     def ellipse(count):
         phi = np.linspace(0, 2 * np.pi, count)
-        return CubicSpline(phi, np.stack([0.2 * np.cos(phi), 0.1 * np.sin(phi)], 1), bc_type="periodic")
+        return CubicSpline(
+            phi, np.stack([0.2 * np.cos(phi), 0.1 * np.sin(phi)], 1), bc_type="periodic"
+        )
 
     limits = {"max_speed": 1.0, "max_acceleration": 20.0, **jerk}
     fine = checked(ellipse(count), [0.2, 0], [0.2, 0], **limits)
     coarse = time_optimal(ellipse(41), **limits)
     assert len(fine.methods) == 1
-    # the third derivative of a spline is a staircase: 1e-3 is what its coarser one costs under the jerk limit
+    # the third derivative of a spline is a staircase: 1e-3 is what its coarser one costs under the
+    # jerk limit
     assert fine.trajectory.duration == pytest.approx(coarse.trajectory.duration, rel=1e-3)
 
 
 def test_pieces_of_no_length_are_left_out():
     doubled = PPoly(np.array([[[1.0], [5.0], [1.0]], [[0.0], [3.0], [0.5]]]), [0.0, 0.5, 0.5, 1.0])
-    assert time_optimal(doubled, max_speed=1.0, max_acceleration=2.0).trajectory.duration == pytest.approx(
-        1.5, rel=1e-5
-    )
+    assert time_optimal(
+        doubled, max_speed=1.0, max_acceleration=2.0
+    ).trajectory.duration == pytest.approx(1.5, rel=1e-5)
 
 
 def ppoly(*pieces, breaks=(0.0, 1.0, 2.0), dtype=float):
@@ -202,7 +260,11 @@ def ppoly(*pieces, breaks=(0.0, 1.0, 2.0), dtype=float):
         pytest.param(ppoly([0, 4.0], [0, 4.0]), ["nothing moves"], id="constant"),
         pytest.param(ppoly([4.0]), ["nothing moves"], id="degree 0"),
         pytest.param(ppoly([1j, 0], dtype=complex), ["real"], id="complex"),
-        pytest.param(ppoly([1, 0], [1, -1], breaks=(2.0, 1.0, 0.0)), ["breaks decrease", "reverse it"], id="falling"),
+        pytest.param(
+            ppoly([1, 0], [1, -1], breaks=(2.0, 1.0, 0.0)),
+            ["breaks decrease", "reverse it"],
+            id="falling",
+        ),
         pytest.param(PPoly(np.ones((2, 1, 2, 2)), [0, 1]), ["shape (2, 2)"], id="matrix"),
         pytest.param(lambda s: s, ["piecewise polynomial", "function"], id="function"),
         pytest.param([[0, 0], [1, 1]], ["piecewise polynomial", "list"], id="list"),

@@ -1,4 +1,6 @@
-"""A path planned window by window: as fast as planned whole, continuous where windows meet, at rest at every end."""
+"""A path planned window by window: as fast as planned whole, continuous where windows meet, at rest
+at every end.
+"""
 
 import pickle
 from dataclasses import replace
@@ -27,18 +29,28 @@ def draw_polyline(count, join=None, seed=0):
     for _ in range(count):
         angle += rng.uniform(-0.6, 0.6)
         here = here + LINE * np.array([np.cos(angle), np.sin(angle)])
-        segments.append(Line(np.array([*here, 0.025]), speed=SPEED, join=Blend(BLEND) if join is None else join))
-    return Program(start=RigidTransform.from_translation([0.0, 0.0, 0.025]), segments=tuple(segments))
+        segments.append(
+            Line(np.array([*here, 0.025]), speed=SPEED, join=Blend(BLEND) if join is None else join)
+        )
+    return Program(
+        start=RigidTransform.from_translation([0.0, 0.0, 0.025]), segments=tuple(segments)
+    )
 
 
 def steps_of(path: MachinePath):
-    return [PathStep(*each) for each in zip(path.pieces, path.joins[1:], path.dwells[1:], strict=True)]
+    return [
+        PathStep(*each) for each in zip(path.pieces, path.joins[1:], path.dwells[1:], strict=True)
+    ]
 
 
 def plan_both(program, machine, order, pieces):
     path = actuate(program, machine)
-    planner = WindowPlanner(machine, lambda part: limits_of(part, machine.axes, order), order, pieces=pieces)
-    return certified_solve(path, limits_of(path, machine.axes, order), order), list(planner(steps_of(path)))
+    planner = WindowPlanner(
+        machine, lambda part: limits_of(part, machine.axes, order), order, pieces=pieces
+    )
+    return certified_solve(path, limits_of(path, machine.axes, order), order), list(
+        planner(steps_of(path))
+    )
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -49,7 +61,9 @@ def both(request, hexapod):
 def test_windows_take_as_long_as_the_whole(both):
     whole, windows = both
     assert len(windows) > 2
-    assert sum(window.duration for window in windows) == pytest.approx(whole.trajectory.duration, rel=1e-3)
+    assert sum(window.duration for window in windows) == pytest.approx(
+        whole.trajectory.duration, rel=1e-3
+    )
 
 
 def test_every_window_is_proved_and_comes_to_rest(both):
@@ -76,7 +90,9 @@ def test_stops_end_windows(hexapod):
     whole, windows = plan_both(draw_polyline(8, Stop()), hexapod, 2, 3)
     assert len(windows) == 3
     assert all(window.kept == len(window.solution.trajectory.s) for window in windows)
-    assert sum(window.duration for window in windows) == pytest.approx(whole.trajectory.duration, rel=1e-12)
+    assert sum(window.duration for window in windows) == pytest.approx(
+        whole.trajectory.duration, rel=1e-12
+    )
 
 
 def test_steps_are_taken_as_they_are_needed(hexapod):
@@ -111,12 +127,18 @@ def test_coordinates_go_on_turn_after_turn():
     program = load_program("arm-circle-back")
     whole, windows = plan_both(program, machine, 2, 1)
     ends = [one.solution.trajectory.at(one.duration).q for one in windows]
-    np.testing.assert_allclose(ends[-1], whole.trajectory.at(whole.trajectory.duration).q, atol=1e-9)
-    assert sum(window.duration for window in windows) == pytest.approx(whole.trajectory.duration, rel=1e-3)
+    np.testing.assert_allclose(
+        ends[-1], whole.trajectory.at(whole.trajectory.duration).q, atol=1e-9
+    )
+    assert sum(window.duration for window in windows) == pytest.approx(
+        whole.trajectory.duration, rel=1e-3
+    )
 
 
 class Pickled:
-    """Helpers of this process, which see what others would; the last that was given is done first."""
+    """Helpers of this process, which see what others would; the last that was given is done
+    first.
+    """
 
     def __init__(self, places=3):
         self.places, self.given, self.most, self.alone = places, [], 0, []
@@ -164,7 +186,9 @@ def compare_windows(some, others):
             assert a.near is None or np.array_equal(a.near, b.near)
             assert (a.continuation is None) == (b.continuation is None)
         end = one.solution.trajectory.duration
-        assert np.array_equal(one.solution.trajectory.at(end).q, other.solution.trajectory.at(end).q)
+        assert np.array_equal(
+            one.solution.trajectory.at(end).q, other.solution.trajectory.at(end).q
+        )
 
 
 def draw_stops(pattern, far=False):
@@ -174,7 +198,9 @@ def draw_stops(pattern, far=False):
         segments[last] = replace(segments[last], join=Stop())
     if far:
         segments.append(Line(np.array([5.0, 0.0, 0.025]), speed=SPEED))
-    return Program(start=RigidTransform.from_translation([0.0, 0.0, 0.025]), segments=tuple(segments))
+    return Program(
+        start=RigidTransform.from_translation([0.0, 0.0, 0.025]), segments=tuple(segments)
+    )
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,9 @@ from benchmarks.evidence.random_problems import RandomProblem
 
 
 def tiny_problems(order):
-    """Return motions of 1e-7 to 1e-4 under limits of 100 to 10 000, which defeat toppra's solver Seidel."""
+    """Return motions of 1e-7 to 1e-4 under limits of 100 to 10 000, which defeat toppra's solver
+    Seidel.
+    """
     problems = []
     for length in (1e-7, 1e-6, 1e-5, 1e-4):
         for limit in (100.0, 1000.0, 10_000.0):

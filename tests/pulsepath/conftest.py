@@ -1,4 +1,6 @@
-"""One plan of the bare circle that the tests of the front door share, and a command line without a process."""
+"""One plan of the bare circle that the tests of the front door share, and a command line without a
+process.
+"""
 
 from dataclasses import replace
 
@@ -18,9 +20,11 @@ from tests.drawing import draw_dots, drawing
 
 @pytest.fixture(scope="module", autouse=True)
 def undrawn():
-    """Figures of reports are a dot, which nobody looks at here; what a page draws anew from data is as it is.
+    """Figures of reports are a dot, which nobody looks at here; what a page draws anew from data is
+    as it is.
 
-    Drawing them takes nine tenths of writing a plan. Who compares or looks at figures asks for `drawn`.
+    Drawing them takes nine tenths of writing a plan. Who compares or looks at figures asks for
+    `drawn`.
     """
     with draw_dots():
         yield
@@ -40,12 +44,16 @@ def inputs():
 
 @pytest.fixture(scope="session")
 def job(inputs):
-    return run(inputs.program, inputs.machine, PlanRequest(), ReportRequest(bound="full", baselines=True))
+    return run(
+        inputs.program, inputs.machine, PlanRequest(), ReportRequest(bound="full", baselines=True)
+    )
 
 
 @pytest.fixture(autouse=True)
 def absent_packages_skip(monkeypatch):
-    """A command without a process that asks for a package which is not there skips its test, as the library does."""
+    """A command without a process that asks for a package which is not there skips its test, as the
+    library does.
+    """
 
     def telling(error):
         if isinstance(error, NotInstalled):
@@ -63,13 +71,17 @@ def call():
 
 @pytest.fixture
 def planned(monkeypatch, job):
-    """Lets `plan` take the shared plan instead of making its own: for tests of what is done with it."""
+    """Lets `plan` take the shared plan instead of making its own: for tests of what is done with
+    it.
+    """
     monkeypatch.setattr("pulsepath.job.run", lambda *_: job)
 
 
 @pytest.fixture(scope="session")
 def write_plan(call):
-    """(plan that is made already, folder, *options) -> the folder, as the command `plan` writes it."""
+    """(plan that is made already, folder, *options) -> the folder, as the command `plan` writes
+    it.
+    """
 
     def write(job, folder, *options):
         with pytest.MonkeyPatch.context() as patch:
@@ -91,7 +103,9 @@ def directory(tmp_path_factory, write_plan, job):
 @pytest.fixture(scope="session")
 def edges(tmp_path_factory, write_plan, job):
     """The same with its pulses as edges, and without figures; not to be changed."""
-    return write_plan(replace(job, draw=None), tmp_path_factory.mktemp("edges") / "bare-circle", "--pulses", "csv")
+    return write_plan(
+        replace(job, draw=None), tmp_path_factory.mktemp("edges") / "bare-circle", "--pulses", "csv"
+    )
 
 
 @pytest.fixture(scope="session")
@@ -100,7 +114,17 @@ def corner(tmp_path_factory, call):
     folder = tmp_path_factory.mktemp("corner")
     program = folder / "corner.nc"
     program.write_text("G21 G90 F1200\nG1 X5 Y5\nX10 Y0\n", encoding="utf-8")
-    asked = ("plan", program, "--machine", "corexy", "--order", "2", "--no-figures", "--no-baselines", "--no-worth")
+    asked = (
+        "plan",
+        program,
+        "--machine",
+        "corexy",
+        "--order",
+        "2",
+        "--no-figures",
+        "--no-baselines",
+        "--no-worth",
+    )
     done = call(*asked, "--whole", "--out", folder / "plan")
     assert done.exit_code == 0, done.stderr
     return folder / "plan"

@@ -1,4 +1,6 @@
-"""Wrong arguments of the public functions: each refusal is ours, and names the argument and what is expected."""
+"""Wrong arguments of the public functions: each refusal is ours, and names the argument and what is
+expected.
+"""
 
 from inspect import signature
 from itertools import product
@@ -67,7 +69,9 @@ FUNCTIONS = sorted(
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-@pytest.mark.parametrize("wrong", [object(), {}, int, [1, "a"], b"x"], ids=lambda wrong: type(wrong).__name__)
+@pytest.mark.parametrize(
+    "wrong", [object(), {}, int, [1, "a"], b"x"], ids=lambda wrong: type(wrong).__name__
+)
 def test_an_argument_of_a_wrong_kind_is_refused(given, name, wrong):
     function, arguments = getattr(pp, name), given[name]
     for argument in arguments:
@@ -141,7 +145,10 @@ def test_segments_and_programs_refuse_what_they_cannot_hold(name):
     kind = getattr(pp, name)
     kind(**VALUES[name])
     for argument, wrong in product(VALUES[name], WRONG):
-        is_a_text = (isinstance(wrong, str) and argument in ("name", "file")) or (name, argument) == (
+        is_a_text = (isinstance(wrong, str) and argument in ("name", "file")) or (
+            name,
+            argument,
+        ) == (
             "Program",
             "machine",
         )
@@ -169,44 +176,83 @@ WORDS = {("Program", "segments"): "segment|empty", ("Axis", "name"): "a name", (
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: pp.plan("circle", "hexapod", order="2"), 'plan: order is "2"; expected a whole number or None'),
-        (lambda: pp.plan("circle", "hexapod", effort=True), "plan: effort is True; expected a whole number"),
+        (
+            lambda: pp.plan("circle", "hexapod", order="2"),
+            'plan: order is "2"; expected a whole number or None',
+        ),
+        (
+            lambda: pp.plan("circle", "hexapod", effort=True),
+            "plan: effort is True; expected a whole number",
+        ),
         (lambda: pp.Grid(3, 4), "grid: settings is 3; expected a tuple, each entry a setting"),
         (lambda: pp.Grid([3], ["circle"]), "grid: settings is (3,)"),
-        (lambda: pp.Grid([pp.read_setting("6")], ["circle"], seeds=[-1]), "seeds [-1] must be whole numbers from 0"),
+        (
+            lambda: pp.Grid([pp.read_setting("6")], ["circle"], seeds=[-1]),
+            "seeds [-1] must be whole numbers from 0",
+        ),
         (lambda: pp.Rig("hexapod", ()), "rig: machine is 'hexapod'; expected a machine"),
         (lambda: pp.load_rig(RIG).task(3), "task: name is 3; expected a text"),
         (lambda: pp.Actuator("a", 1, stroke=-0.1), "actuator a: stroke -0.1 m must be above 0"),
-        (lambda: pp.ActuatorNeed("long"), "needed stroke must be one finite number in SI units, not 'long'"),
-        (lambda: pp.select_parts([1], pp.ActuatorNeed(0.1)), "parts is [1]; expected a list, each entry an actuator"),
+        (
+            lambda: pp.ActuatorNeed("long"),
+            "needed stroke must be one finite number in SI units, not 'long'",
+        ),
+        (
+            lambda: pp.select_parts([1], pp.ActuatorNeed(0.1)),
+            "parts is [1]; expected a list, each entry an actuator",
+        ),
         (lambda: pp.joint_need("hexapod", [0, 0, 0.3], []), "joint_need: force is empty"),
         (lambda: pp.Backlash([]), "backlash: width is empty"),
         (
             lambda: pp.joint_circle(-0.1, 0.5, 0),
             "joint_circle: radius must be one finite number in m above 0 and at most 100000",
         ),
-        (lambda: pp.workspace("hexapod", cells=10**9), "cells must be a whole number from 1 to 1000"),
-        (lambda: pp.load_machine("hexapod").carrying("much"), 'carrying: load is "much"; expected a load'),
+        (
+            lambda: pp.workspace("hexapod", cells=10**9),
+            "cells must be a whole number from 1 to 1000",
+        ),
+        (
+            lambda: pp.load_machine("hexapod").carrying("much"),
+            'carrying: load is "much"; expected a load',
+        ),
         (
             lambda: pp.load_machine("hexapod").assembly_modes("x"),
             "lengths of its legs must be finite numbers (6,) in m",
         ),
-        (lambda: pp.PositionList(np.zeros((2, 6))).remove("1"), 'remove: first is "1"; expected a whole number'),
+        (
+            lambda: pp.PositionList(np.zeros((2, 6))).remove("1"),
+            'remove: first is "1"; expected a whole number',
+        ),
         (lambda: pp.read_pulses("no/pulses.ppb"), "there is no folder no"),
-        (lambda: pp.save_positions(pp.PositionList(np.zeros((2, 6))), "no/a.csv"), "there is no folder no; make it"),
-        (lambda: pp.plan("circle", "hexapod", clock_hz=10**30), "must be above 0, and at most 1e+18 ticks per second"),
+        (
+            lambda: pp.save_positions(pp.PositionList(np.zeros((2, 6))), "no/a.csv"),
+            "there is no folder no; make it",
+        ),
+        (
+            lambda: pp.plan("circle", "hexapod", clock_hz=10**30),
+            "must be above 0, and at most 1e+18 ticks per second",
+        ),
         (
             lambda: pp.plan("circle", "hexapod", duration=1e300),
             "duration 1e+300 s is beyond 2.68435e+08 s",
         ),
-        (lambda: pp.plan("circle", "hexapod", limits=np.zeros(3)), "limits must be a list of limits"),
+        (
+            lambda: pp.plan("circle", "hexapod", limits=np.zeros(3)),
+            "limits must be a list of limits",
+        ),
         (
             lambda: Feedback([[0.0]], [["fast"]], [[0.0]]),
             "feedback: speed must be finite numbers in pulses/s, not [['fast']]",
         ),
-        (lambda: Feedback([[0.0]], [[0.0, 1.0]], [[0.0]]), "position, speed and counter are (1, 1), (1, 2) and (1, 1)"),
+        (
+            lambda: Feedback([[0.0]], [[0.0, 1.0]], [[0.0]]),
+            "position, speed and counter are (1, 1), (1, 2) and (1, 1)",
+        ),
         (lambda: Reference(0.0, [[0.0]], [[0.0]]), "reference: dt 0.0 s must be above 0"),
-        (lambda: Reference(0.01, [0.0], [[0.0]]), "reference: position must be finite numbers (N, N)"),
+        (
+            lambda: Reference(0.01, [0.0], [[0.0]]),
+            "reference: position must be finite numbers (N, N)",
+        ),
         (lambda: Reference(0.01, [[0.0]], [[0.0, 1.0]]), "give one speed for each position"),
         (lambda: pp.find_law(6), "find_law: name is 6; expected a text"),
         (lambda: pp.find_law("6", gain="much"), "law 6: gain"),
@@ -214,10 +260,19 @@ WORDS = {("Program", "segments"): "segment|empty", ("Axis", "name"): "a name", (
         (lambda: pp.classical(None), "classical: plan is None; expected a plan"),
         (lambda: pp.plan_many("circle", "hexapod"), 'programs is "circle"; expected a list'),
         (lambda: pp.sweep(3, RIG, "x"), "sweep: grid is 3; expected a grid"),
-        (lambda: pp.Line([0, 0, 0], speed="10 mm/s"), 'line: speed is "10 mm/s"; expected a number in m/s or None'),
+        (
+            lambda: pp.Line([0, 0, 0], speed="10 mm/s"),
+            'line: speed is "10 mm/s"; expected a number in m/s or None',
+        ),
         (lambda: pp.Dwell("1 s"), 'dwell: duration is "1 s"; expected a number in s'),
-        (lambda: pp.Line([0, 0, 0], join=0.001), "line: join is 0.001; expected a stop or a through or a blend"),
-        (lambda: pp.calibrate("hexapod", "cmm", [3]), "calibration model: part 3 is not a text; parts: factor"),
+        (
+            lambda: pp.Line([0, 0, 0], join=0.001),
+            "line: join is 0.001; expected a stop or a through or a blend",
+        ),
+        (
+            lambda: pp.calibrate("hexapod", "cmm", [3]),
+            "calibration model: part 3 is not a text; parts: factor",
+        ),
         (
             lambda: pp.calibrate("hexapod", "cmm", use=[1]),
             'calibrate: use [1] must be "position", "all" or None',
@@ -239,17 +294,28 @@ def test_a_plan_says_what_its_methods_take(given, tmp_path):
         (lambda: plan.hold(True), "hold: at is True"),
         (lambda: plan.resume(plan), "expected a section or a number in m"),
         (lambda: plan.stops(2.5), "stops: count is 2.5; expected a whole number"),
-        (lambda: plan.export("csp", tmp_path / "a.csv", cycel=1), 'no option "cycel", nearest is "cycle"'),
+        (
+            lambda: plan.export("csp", tmp_path / "a.csv", cycel=1),
+            'no option "cycel", nearest is "cycle"',
+        ),
         (lambda: hold.export("csp", tmp_path / "no" / "a.csv"), "there is no folder"),
         (lambda: plan.trajectory.at(None), "at: t must be finite numbers"),
         (lambda: plan.worth.of(3), "of: limit is 3; expected a text"),
         (lambda: plan.worth.replan("speed", by="much"), 'replan: by is "much"; expected a number'),
         (lambda: pp.animate(plan, tmp_path / "no" / "a.html"), "there is no folder"),
         (lambda: pp.save_four_views(plan, tmp_path / "a\0.png"), "the path has a NUL in it"),
-        (lambda: pp.track(plan, "hexapod", "6", rig=RIG, settle=1e9), "settle 1e+09 s must be from 0 to 3600 s"),
-        (lambda: pp.track(plan, "hexapod", "6", rig=RIG, dt=1e300), "dt 1e+300 s, the host's step, must be above 0"),
         (
-            lambda: pp.evaluate(pp.track(plan, "hexapod", "6", rig=RIG), plan, "hexapod", band=-1.0),
+            lambda: pp.track(plan, "hexapod", "6", rig=RIG, settle=1e9),
+            "settle 1e+09 s must be from 0 to 3600 s",
+        ),
+        (
+            lambda: pp.track(plan, "hexapod", "6", rig=RIG, dt=1e300),
+            "dt 1e+300 s, the host's step, must be above 0",
+        ),
+        (
+            lambda: pp.evaluate(
+                pp.track(plan, "hexapod", "6", rig=RIG), plan, "hexapod", band=-1.0
+            ),
             "band -1.0 must be 0",
         ),
     ):

@@ -1,7 +1,8 @@
-"""Files that users really get wrong, through the real command line: what each must be told, all of it in one pass.
+"""Files that users really get wrong, through the real command line: what each must be told, all of
+it in one pass.
 
-The files are in tests/corpus, and what must be said of each in expected.toml there: every fault with its line, in the
-order of the lines, and nothing else.
+The files are in tests/corpus, and what must be said of each in expected.toml there: every fault
+with its line, in the order of the lines, and nothing else.
 """
 
 import json
@@ -39,7 +40,9 @@ def command(file):
 
 
 def refused(args):
-    """What was said, line by line, by a command that must refuse its input and leave nothing behind."""
+    """What was said, line by line, by a command that must refuse its input and leave nothing
+    behind.
+    """
     before = sorted(Path().iterdir())
     result = CliRunner().invoke(main, args)
     assert result.exit_code == 2, result.stderr
@@ -60,7 +63,9 @@ def corpus(tmp_path, monkeypatch):
 
 def test_the_table_tells_of_every_file():
     companions = {"urdf/arm.urdf", "urdf/broken.urdf", "urdf/not_a_robot.urdf"}
-    there = {f"{path.parent.name}/{path.name}" for area in COMMANDS for path in (CORPUS / area).iterdir()}
+    there = {
+        f"{path.parent.name}/{path.name}" for area in COMMANDS for path in (CORPUS / area).iterdir()
+    }
     assert there - companions == set(EXPECTED["file"])
     assert len(there) >= 40
 
@@ -87,7 +92,9 @@ def test_a_bad_option_names_what_may_stand_there(corpus, case):
 def test_the_same_from_a_process_of_its_own(corpus, file):
     run = [sys.executable, "-m", "pulsepath", *command(file)]
     environment = {**os.environ, "PYTHONPATH": str(CORPUS.parents[1]), "PYTHONIOENCODING": "utf-8"}
-    result = subprocess.run(run, capture_output=True, encoding="utf-8", env=environment, check=False)
+    result = subprocess.run(
+        run, capture_output=True, encoding="utf-8", env=environment, check=False
+    )
     assert (result.returncode, result.stdout) == (2, "")
     assert all(f"{file}:{told}" in result.stderr for told in EXPECTED["file"][file])
     assert "Traceback" not in result.stderr
@@ -135,7 +142,12 @@ def test_a_fault_has_its_parts_as_fields():
     [
         (
             "columns.csv",
-            [":3: stroke_mm: ", '"fifty"', ":4: 2 cells for 3 columns", ':5: stroke_mm: "-5 mm" must be above 0 mm'],
+            [
+                ":3: stroke_mm: ",
+                '"fifty"',
+                ":4: 2 cells for 3 columns",
+                ':5: stroke_mm: "-5 mm" must be above 0 mm',
+            ],
         ),
         ("header.csv", [':2: stroke: "50.8": a number without a unit']),
         ("empty.csv", [":1: ", "empty"]),
@@ -152,7 +164,9 @@ LOADERS = {"machine": load_machine, "program": load_program, "measurement": load
 
 @pytest.mark.parametrize("load", LOADERS.values(), ids=LOADERS)
 def test_a_directory_nothing_and_too_much(tmp_path, load):
-    with pytest.raises(FileError, match=r"Is a directory|Permission denied"):  # as Linux and Windows have it
+    with pytest.raises(
+        FileError, match=r"Is a directory|Permission denied"
+    ):  # as Linux and Windows have it
         load(tmp_path)
     (tmp_path / "mine.toml").write_text("schema = 1")
     with pytest.raises(FileError, match=r'No such file or directory, nearest is "mine\.toml"'):
@@ -165,7 +179,10 @@ def test_a_directory_nothing_and_too_much(tmp_path, load):
         load(tmp_path / "huge.toml")
 
 
-@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="a file that no one can read, root neither, is Linux's")
+@pytest.mark.skipif(
+    not Path("/proc/self/mem").exists(),
+    reason="a file that no one can read, root neither, is Linux's",
+)
 @pytest.mark.parametrize("load", LOADERS.values(), ids=LOADERS)
 def test_an_unreadable_file(load):
     with pytest.raises(FileError, match="/proc/self/mem: Input/output error"):

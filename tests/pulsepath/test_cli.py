@@ -62,10 +62,18 @@ def one_line(text):
 @pytest.mark.usefixtures("all_cores")
 def test_plan_from_end_to_end(tmp_path):
     arguments = ["plan", "bare-circle", "--order", "2", "--out", "o", "--json"]
-    done = subprocess.run([sys.executable, "-m", "pulsepath", *arguments], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "pulsepath", *arguments],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0
     assert {path.name for path in (tmp_path / "o").iterdir()} == FILES
-    printed, written = json.loads(done.stdout), json.loads((tmp_path / "o" / "plan.json").read_text())
+    printed, written = (
+        json.loads(done.stdout),
+        json.loads((tmp_path / "o" / "plan.json").read_text()),
+    )
     assert printed == {**written, "report": "o/report.html"}
     assert "planning bare-circle on hexapod" in done.stderr
     # toppra with 4000 points takes 1.2040 s, the issue asks for no more than this
@@ -100,17 +108,25 @@ def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, progr
     record = json.loads((tmp_path / "o" / "plan.json").read_text())
     assert record["lower_bound"]["leaves_out"] == ["force", "constant speed"]
     assert record["lower_bound"]["kind"] == "proved"
-    names = [(event["name"], event["where"]["segment"], event["where"]["repetition"]) for event in record["triggers"]]
+    names = [
+        (event["name"], event["where"]["segment"], event["where"]["repetition"])
+        for event in record["triggers"]
+    ]
     assert names == [("top", 1, 1), ("half", 2, 1), ("top", 1, 2), ("half", 2, 2)]
     rows = [line.split(",") for line in (tmp_path / "o" / "triggers.csv").read_text().splitlines()]
-    assert [float(row[3]) for row in rows[1:]] == [event["where"]["time_s"] for event in record["triggers"]]
+    assert [float(row[3]) for row in rows[1:]] == [
+        event["where"]["time_s"] for event in record["triggers"]
+    ]
     assert [list(map(int, row[-6:])) for row in rows[1:]] == [
         list(event["counts"].values()) for event in record["triggers"]
     ]
     # the tool stands 40 mm above the platform and 60 mm above its home: the platform 20 to 23 mm
     heights = np.array([event["position_m"][2] for event in record["triggers"]])
     assert np.ptp(heights - [3e-3, 1.5e-3, 3e-3, 1.5e-3]) < 1e-12
-    assert [(stretch["speed_m_s"], stretch["from"]["repetition"]) for stretch in record["constant_speeds"]] == [
+    assert [
+        (stretch["speed_m_s"], stretch["from"]["repetition"])
+        for stretch in record["constant_speeds"]
+    ] == [
         (0.004, 1),
         (0.004, 2),
     ]
@@ -126,14 +142,23 @@ def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
     assert len(short.stdout.splitlines()) <= 12
     assert job.results.worth.describe() in short.stdout
     assert f"{job.plan.trajectory.duration:.6f} s" in short.stdout
-    assert call("plan", "bare-circle", "--out", tmp_path / "o", "--force", "-q").stdout == f"{tmp_path}/o/report.html\n"
+    assert (
+        call("plan", "bare-circle", "--out", tmp_path / "o", "--force", "-q").stdout
+        == f"{tmp_path}/o/report.html\n"
+    )
     done = call("plan", "bare-circle", "--out", tmp_path / "o", "--force", "-v")
     assert done.exit_code == 0
     assert f"report: {tmp_path / 'o' / 'report.html'}" in done.stdout
-    lines = [re.split(r" {2,}", line.strip()) for line in done.stdout.splitlines()]  # names hold single spaces
-    rows = {name: " ".join(rest).split() for name, *rest in reversed(lines)}  # the first of each name
+    lines = [
+        re.split(r" {2,}", line.strip()) for line in done.stdout.splitlines()
+    ]  # names hold single spaces
+    rows = {
+        name: " ".join(rest).split() for name, *rest in reversed(lines)
+    }  # the first of each name
     assert float(rows["duration"][0]) == pytest.approx(job.plan.trajectory.duration, abs=5e-7)
-    assert job.results.worth.describe() in " ".join(done.stdout.split())  # its cell is broken over lines
+    assert job.results.worth.describe() in " ".join(
+        done.stdout.split()
+    )  # its cell is broken over lines
     worth = json.loads((tmp_path / "o" / "plan.json").read_text())["worth"]
     assert [(row["limit"], row["axis"]) for row in worth["limits"]] == [
         *zip(job.results.worth.limits, job.results.worth.axes, strict=True)
@@ -170,7 +195,8 @@ def test_a_stated_duration(call, tmp_path):
     told = json.loads(done.stdout)
     assert told["duration_s"] == pytest.approx(1.5, abs=1e-9)
     assert told["request"]["duration_s"] == 1.5
-    # how far it is from the fastest says nothing where it was not asked for, nor what would be faster
+    # how far it is from the fastest says nothing where it was not asked for, nor what would be
+    # faster
     assert told["worth"] is None
     assert told["lower_bound"]["gap"] is None
     assert told["lower_bound"]["duration_s"] == pytest.approx(1.204, abs=2e-3)
@@ -195,7 +221,17 @@ def test_an_objective_with_heat(call, tmp_path):
 
 
 def test_a_gap_to_be_proved(call, tmp_path):
-    command = ["plan", "bare-circle", "--out", str(tmp_path / "o"), "--no-figures", "--pulses", "none", "--order", "2"]
+    command = [
+        "plan",
+        "bare-circle",
+        "--out",
+        str(tmp_path / "o"),
+        "--no-figures",
+        "--pulses",
+        "none",
+        "--order",
+        "2",
+    ]
     for given, words in {
         ("--gap", "0.1"): "in per cent",
         ("--gap", "0 %"): "positive",
@@ -226,7 +262,10 @@ def test_the_machine_of_a_program_counts_from_its_folder(call, tmp_path, program
 def test_names_that_are_not_known(call, tmp_path, program):
     for arguments, told in [
         ([tmp_path / "none.toml"], "none.toml"),
-        ([program(LINE, HEAD.replace('machine = "hexapod"\n', ""))], "names no machine; give --machine"),
+        (
+            [program(LINE, HEAD.replace('machine = "hexapod"\n', ""))],
+            "names no machine; give --machine",
+        ),
     ]:
         done = call("check", *arguments)
         assert done.exit_code == 2
@@ -257,7 +296,10 @@ def test_usage_errors(call, arguments):
     [
         (["plan"], "Missing argument 'PROGRAM'."),
         (["plan", "circle"], "Missing option '--out'."),
-        (["plan", "circle", "--out", "o", "--order", "4"], "Invalid value for '--order': '4' is not one of '2', '3'."),
+        (
+            ["plan", "circle", "--out", "o", "--order", "4"],
+            "Invalid value for '--order': '4' is not one of '2', '3'.",
+        ),
     ],
 )
 def test_usage_errors_as_data(call, arguments, told):
@@ -268,35 +310,55 @@ def test_usage_errors_as_data(call, arguments, told):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="asks a POSIX shell to close streams")
-@pytest.mark.parametrize("arguments", ["machines >&-", "machines 2>&-", "console --machine traverser --fast <&-"])
+@pytest.mark.parametrize(
+    "arguments", ["machines >&-", "machines 2>&-", "console --machine traverser --fast <&-"]
+)
 def test_a_stream_that_is_closed_is_no_error(tmp_path, arguments):
     command = f"{sys.executable} -m pulsepath {arguments}"
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(tmp_path)}
     run = subprocess.run(
-        ["sh", "-c", command], capture_output=True, text=True, env=environment, cwd=tmp_path, check=False
+        ["sh", "-c", command],
+        capture_output=True,
+        text=True,
+        env=environment,
+        cwd=tmp_path,
+        check=False,
     )
     assert run.returncode == 0
     assert "internal error" not in run.stderr
 
 
 def stroke(z):
-    """m by which every leg of the hexapod is longer when the platform is z above home [Sahbaz 2007, chapter 5]."""
+    """m by which every leg of the hexapod is longer when the platform is z above home [Sahbaz 2007,
+    chapter 5].
+    """
     length, height = 219.0774e-3, (233.6362 - 11.5 - 11.0) * 1e-3
     return np.sqrt(length**2 - height**2 + (height + z) ** 2) - length
 
 
 def test_travel_violations_name_leg_place_value_and_limit(call, tmp_path, program):
-    path = program("[[segment]]\nline = { to = [0, 0, 40] }\n[[segment]]\nline = { to = [0, 0, 60] }\n")
+    path = program(
+        "[[segment]]\nline = { to = [0, 0, 40] }\n[[segment]]\nline = { to = [0, 0, 60] }\n"
+    )
     done = call("check", path, "--json")
     assert done.exit_code == 1
     record = json.loads(done.stdout)
     assert not record["feasible"]
     assert [found["axis"] for found in record["violations"]] == [f"leg{n}" for n in range(1, 7)]
     for found in record["violations"]:
-        assert (found["kind"], found["unit"], found["limit"]) == ("travel", "mm", pytest.approx(50.8))
+        assert (found["kind"], found["unit"], found["limit"]) == (
+            "travel",
+            "mm",
+            pytest.approx(50.8),
+        )
         # the thesis gives lengths and heights to a tenth of a µm
         assert found["value"] == pytest.approx(1e3 * stroke(60e-3), abs=2e-4)
-        where = {"axis": found["axis"], "segment": 2, "distance_m": pytest.approx(0.06), "time_s": None}
+        where = {
+            "axis": found["axis"],
+            "segment": 2,
+            "distance_m": pytest.approx(0.06),
+            "time_s": None,
+        }
         assert found["where"] == where
     assert call("check", path, "-v").stdout.count("travel 58.2874 mm is beyond 50.8 mm at leg") == 6
     refused = call("plan", path, "--out", tmp_path / "out")
@@ -308,7 +370,9 @@ def test_travel_violations_name_leg_place_value_and_limit(call, tmp_path, progra
 
 
 def test_a_check_sums_up_violations(call, program):
-    """The worst of each limit and a line on the others; -v lists all of them, --json records them."""
+    """The worst of each limit and a line on the others; -v lists all of them, --json records
+    them.
+    """
     lines = [f"[[segment]]\nline = {{ to = [{x}, 0, 60] }}" for x in (0, 5, 0)]
     path = program("[[segment]]\nline = { to = [0, 0, 25] }\n" + "\n".join(lines))
     violations = json.loads(call("check", path, "--json").stdout)["violations"]
@@ -316,13 +380,18 @@ def test_a_check_sums_up_violations(call, program):
     worst, summed = call("check", path).stdout.splitlines()
     assert worst == violations[0]["message"]
     legs = ", ".join(f"leg{n}" for n in range(1, 7))
-    assert summed == f"travel: 18 violations, at {legs}, in 3 segments, first in segment 2; -v lists them"
+    assert (
+        summed
+        == f"travel: 18 violations, at {legs}, in 3 segments, first in segment 2; -v lists them"
+    )
     every = call("check", path, "-v").stdout.splitlines()
     assert every == [violation["message"] for violation in violations]
 
 
 def test_tilt_violations_name_the_joint(call, program, tilting):
-    path = program("[[segment]]\nline = { to = [0, 0, 25] }\n[[segment]]\nturn = { to = [6, -7, 0] }\n")
+    path = program(
+        "[[segment]]\nline = { to = [0, 0, 25] }\n[[segment]]\nturn = { to = [6, -7, 0] }\n"
+    )
     assert call("check", path).exit_code == 0
     done = call("check", path, "--machine", tilting, "--json")
     assert done.exit_code == 1
@@ -339,13 +408,19 @@ def test_unreachable_poses_are_violations(call, tmp_path):
     """An arm cannot reach two metres out; the place is where it first cannot."""
     pytest.importorskip("pinocchio")
     path = tmp_path / "far.toml"
-    path.write_text('schema = 1\nlength = "mm"\nframe = "base"\n[[segment]]\nline = { to = [2000, 0, 200] }\n')
+    path.write_text(
+        'schema = 1\nlength = "mm"\nframe = "base"\n[[segment]]\nline = { to = [2000, 0, 200] }\n'
+    )
     done = call("check", path, "--machine", "arm", "--json")
     assert done.exit_code == 1
     [found] = json.loads(done.stdout)["violations"]
     assert found["kind"] == "reach"
-    assert re.search(r"no actuator coordinates reach the path at s = .* mm, segment 1", found["message"])
-    assert found["message"] in call("plan", path, "--machine", "arm", "--out", tmp_path / "o").stderr
+    assert re.search(
+        r"no actuator coordinates reach the path at s = .* mm, segment 1", found["message"]
+    )
+    assert (
+        found["message"] in call("plan", path, "--machine", "arm", "--out", tmp_path / "o").stderr
+    )
     assert not (tmp_path / "o").exists()
 
 
@@ -363,22 +438,30 @@ def test_a_feasible_path_tells_how_near_it_comes(call, job):
 
 
 def test_a_check_names_the_blends_and_what_cuts_them_short(call, tmp_path):
-    """Of the preset `blended` every blend has room; with a short segment in it, that one is named."""
+    """Of the preset `blended` every blend has room; with a short segment in it, that one is
+    named.
+    """
     record = json.loads(call("check", "blended", "--json").stdout)
     assert [blend["segment"] for blend in record["blends"]] == [1, 2, 3, 4, 5]
     for blend in record["blends"]:
         assert blend["half_of_segments"] == []
         assert blend["stop"] is None
-        share = max(blend["deviation_m"] / blend["tolerance_m"], blend["deviation_rad"] / blend["tolerance_rad"])
+        share = max(
+            blend["deviation_m"] / blend["tolerance_m"],
+            blend["deviation_rad"] / blend["tolerance_rad"],
+        )
         assert 0.9 <= share <= 1
     short = tmp_path / "short.toml"
     join = 'join = { blend = "0.05 mm" }'
     lines = [
-        f'[[segment]]\nline = {{ to = ["{x} mm", "{y} mm", "25 mm"] }}\n{join}' for x, y in ((9, 0), (9, 0.1), (0, 0.1))
+        f'[[segment]]\nline = {{ to = ["{x} mm", "{y} mm", "25 mm"] }}\n{join}'
+        for x, y in ((9, 0), (9, 0.1), (0, 0.1))
     ]
     dwell = '[[segment]]\ndwell = "1 s"'
     back = '[[segment]]\nline = { to = ["0 mm", "0 mm", "25 mm"] }'
-    short.write_text("\n".join(["schema = 1", 'start = ["0 mm", "0 mm", "25 mm"]', *lines, dwell, back]))
+    short.write_text(
+        "\n".join(["schema = 1", 'start = ["0 mm", "0 mm", "25 mm"]', *lines, dwell, back])
+    )
     table = call("check", short, "--machine", "hexapod", "-v").stdout
     assert table.count("half of segment 2") == 2
     assert "stops: a dwell" in table
@@ -412,12 +495,18 @@ class TestOverwriting:
     @pytest.mark.parametrize(
         ("end", "code", "told"),
         [
-            (OSError(28, "No space left on device", "report.html"), 2, "report.html: No space left on device"),
+            (
+                OSError(28, "No space left on device", "report.html"),
+                2,
+                "report.html: No space left on device",
+            ),
             (KeyboardInterrupt(), 130, "interrupted"),
             (ZeroDivisionError("oops"), 3, "internal error: ZeroDivisionError: oops"),
         ],
     )
-    def test_a_failure_while_writing_leaves_the_old_one(self, call, tmp_path, old, monkeypatch, end, code, told):
+    def test_a_failure_while_writing_leaves_the_old_one(
+        self, call, tmp_path, old, monkeypatch, end, code, told
+    ):
         def fail(*_, **__):
             raise end
 
@@ -440,7 +529,10 @@ def raising(error):
 def test_a_fault_of_ours_is_one_line_that_asks_for_a_report(call, tmp_path, monkeypatch):
     monkeypatch.setattr("pulsepath.job.run", raising(Defect("1 faults in the pulses")))
     done = call("plan", "circle", "--out", tmp_path / "o")
-    assert (done.exit_code, done.stderr) == (3, "internal error: 1 faults in the pulses; please report it\n")
+    assert (done.exit_code, done.stderr) == (
+        3,
+        "internal error: 1 faults in the pulses; please report it\n",
+    )
     monkeypatch.setattr("pulsepath.job.run", raising(ValueError("surprise")))
     done = call("plan", "circle", "--out", tmp_path / "o")
     assert done.exit_code == 3
@@ -470,7 +562,9 @@ def test_the_known_drives_are_in_the_help_of_machines(call):
 
 
 def test_machines(call):
-    bundled = {machine["name"]: machine for machine in json.loads(call("machines", "--json").stdout)}
+    bundled = {
+        machine["name"]: machine for machine in json.loads(call("machines", "--json").stdout)
+    }
     hexapod = bundled["hexapod"]
     assert hexapod["freedom"] == ["x", "y", "z", "rx", "ry", "rz"]
     assert [axis["name"] for axis in hexapod["axes"]] == [f"leg{n}" for n in range(1, 7)]

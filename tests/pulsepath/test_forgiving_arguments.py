@@ -1,4 +1,6 @@
-"""What a notebook may write: names, paths and objects alike, and poses and rotations as lists of numbers."""
+"""What a notebook may write: names, paths and objects alike, and poses and rotations as lists of
+numbers.
+"""
 
 from pathlib import Path
 
@@ -47,7 +49,9 @@ def test_all_that_takes_a_machine_takes_its_name(hexapod):
     assert pp.orient(LIFT, "hexapod") is LIFT
     assert [part.standing.duration for part in pp.plan_parts(LIFT, "hexapod")]
     assert pp.plan_many([LIFT], "hexapod")[0].certificate.holds
-    assert pp.posture_of_pose("hexapod", place).q == pytest.approx(pp.posture_of_pose(hexapod, place).q)
+    assert pp.posture_of_pose("hexapod", place).q == pytest.approx(
+        pp.posture_of_pose(hexapod, place).q
+    )
     assert pp.posture_of_axes("hexapod", hexapod.home_q).q == pytest.approx(hexapod.home_q)
     assert pp.joint_need("hexapod", place) == pp.joint_need(hexapod, place)
     assert pp.workspace("hexapod", x=0, y=0, cells=4).machine.name == "hexapod"
@@ -60,13 +64,18 @@ def test_tracking_takes_names_of_machine_law_and_rig(hexapod):
     named = pp.track(plan, "hexapod", "6", rig="hexapod-steppers", period=1e-2)
     made = pp.track(plan, hexapod, pp.find_law("6"), period=1e-2)
     np.testing.assert_array_equal(named.actual, made.actual)
-    assert pp.evaluate(named, plan, "hexapod").contour.max == pp.evaluate(made, plan, hexapod).contour.max
+    assert (
+        pp.evaluate(named, plan, "hexapod").contour.max
+        == pp.evaluate(made, plan, hexapod).contour.max
+    )
 
 
 def test_what_is_no_plan_or_law_is_refused(hexapod):
     with pytest.raises(pp.MotionError, match="a plan or its trajectory is needed, not 'circle'"):
         pp.track("circle", hexapod, "6")
-    with pytest.raises(pp.MotionError, match="a law is needed, or its number or name as a text, not 6"):
+    with pytest.raises(
+        pp.MotionError, match="a law is needed, or its number or name as a text, not 6"
+    ):
         pp.track(LIFT, hexapod, 6)
 
 
@@ -75,11 +84,27 @@ def test_what_is_no_plan_or_law_is_refused(hexapod):
     [
         ("circel", "hexapod", 'no program is called "circel", nearest is "circle"'),
         ("circle", "hexpod", 'no machine is called "hexpod", nearest is "hexapod"'),
-        ("nowhere/circle.toml", "hexapod", "nowhere/circle.toml: No such file or directory: there is no folder"),
+        (
+            "nowhere/circle.toml",
+            "hexapod",
+            "nowhere/circle.toml: No such file or directory: there is no folder",
+        ),
         ("circle", "own.toml", "own.toml: No such file or directory"),
-        ("circle", Path("hexapod"), 'no such file: hexapod; the bundled machine is given as a text, "hexapod"'),
-        (3, "hexapod", "a program is given by its name or the path of a file, or as it is, not as 3"),
-        ("circle", LIFT, "a machine is given by its name or the path of a file, or as it is, not as"),
+        (
+            "circle",
+            Path("hexapod"),
+            'no such file: hexapod; the bundled machine is given as a text, "hexapod"',
+        ),
+        (
+            3,
+            "hexapod",
+            "a program is given by its name or the path of a file, or as it is, not as 3",
+        ),
+        (
+            "circle",
+            LIFT,
+            "a machine is given by its name or the path of a file, or as it is, not as",
+        ),
         (None, "hexapod", "not as None"),
     ],
 )
@@ -94,16 +119,22 @@ def test_numbers_are_poses_with_the_angles_of_files(hexapod):
     """Rx · Ry · Rz, by SciPy's own three rotations."""
     numbers = [0.01, -0.02, 0.25, 0.02, -0.05, 0.03]
     turned = (
-        Rotation.from_rotvec([0.02, 0, 0]) * Rotation.from_rotvec([0, -0.05, 0]) * Rotation.from_rotvec([0, 0, 0.03])
+        Rotation.from_rotvec([0.02, 0, 0])
+        * Rotation.from_rotvec([0, -0.05, 0])
+        * Rotation.from_rotvec([0, 0, 0.03])
     )
     pose = RigidTransform.from_components(numbers[:3], turned)
     q = hexapod.inverse(pose)
     np.testing.assert_allclose(hexapod.inverse(numbers), q, rtol=0, atol=1e-15)
     np.testing.assert_allclose(hexapod.inverse([numbers, numbers]), [q, q], rtol=0, atol=1e-15)
-    np.testing.assert_allclose(hexapod.jacobian(tuple(numbers)), hexapod.jacobian(pose), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        hexapod.jacobian(tuple(numbers)), hexapod.jacobian(pose), rtol=0, atol=1e-14
+    )
     assert hexapod.check(numbers).ok.all()
     level = RigidTransform.from_translation(numbers[:3])
-    np.testing.assert_allclose(hexapod.inverse(np.array(numbers[:3])), hexapod.inverse(level), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        hexapod.inverse(np.array(numbers[:3])), hexapod.inverse(level), rtol=0, atol=1e-15
+    )
 
 
 def test_programs_and_machines_take_lists(hexapod):
@@ -124,7 +155,9 @@ def test_programs_and_machines_take_lists(hexapod):
     np.testing.assert_allclose(program.start.translation, [0, 0, 0.005])
     assert program.tool.rotation.magnitude() == 0
     assert pp.plan(program, hexapod).certificate.holds
-    own = pp.Hexapod(hexapod.base, hexapod.platform, axes=hexapod.axes, home=list(hexapod.home.translation))
+    own = pp.Hexapod(
+        hexapod.base, hexapod.platform, axes=hexapod.axes, home=list(hexapod.home.translation)
+    )
     np.testing.assert_allclose(own.home_q, hexapod.home_q, atol=1e-15)
 
 

@@ -37,10 +37,14 @@ ROOT = Path(__file__).parents[2]
 
 
 def run_fresh(code, folder=ROOT):
-    """What a fresh interpreter prints on stderr that runs some code in a folder, with the packages of this tree."""
+    """What a fresh interpreter prints on stderr that runs some code in a folder, with the packages
+    of this tree.
+    """
     command = [sys.executable, "-c", code]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, input="", capture_output=True, text=True, check=True, env=environment, cwd=folder)
+    done = subprocess.run(
+        command, input="", capture_output=True, text=True, check=True, env=environment, cwd=folder
+    )
     return done.stderr
 
 
@@ -72,7 +76,8 @@ print(json.dumps(results), file=sys.stderr)
 def call_fresh(commands, folder=ROOT):
     """Call commands one after the other in a fresh interpreter.
 
-    Returns for each its exit code, what it wrote to stderr, and the slow packages that are loaded by then.
+    Returns for each its exit code, what it wrote to stderr, and the slow packages that are loaded
+    by then.
     """
     output = run_fresh(CALL.format(commands=commands, slow=SLOW), folder)
     return dict(zip(map(" ".join, commands), json.loads(output.splitlines()[-1]), strict=True))
@@ -185,14 +190,24 @@ def test_a_command_that_does_not_plan_loads_what_it_uses(command, tmp_path):
 
 def test_the_list_of_machines_makes_none(monkeypatch):
     """The files state what it shows."""
-    monkeypatch.setattr("kinematics.machine.machine_file._make_machine", partial(pytest.fail, "made a machine"))
+    monkeypatch.setattr(
+        "kinematics.machine.machine_file._make_machine", partial(pytest.fail, "made a machine")
+    )
     assert CliRunner().invoke(main, ["machines"]).exit_code == 0
 
 
 def test_a_check_of_a_program_loads_no_solver_and_no_pulses():
     code = "import planner; planner.check('bare-circle', 'hexapod')"
-    packages = ("planner.bounds", "planner.export", "planner.interruption", "planner.pulses", "planner.timing")
-    report = f"import sys; {code}; print(*sorted({set(packages)!r} & set(sys.modules)), file=sys.stderr)"
+    packages = (
+        "planner.bounds",
+        "planner.export",
+        "planner.interruption",
+        "planner.pulses",
+        "planner.timing",
+    )
+    report = (
+        f"import sys; {code}; print(*sorted({set(packages)!r} & set(sys.modules)), file=sys.stderr)"
+    )
     assert run_fresh(report).splitlines()[-1].split() == []
 
 
@@ -207,13 +222,22 @@ main(["-q", "plan", "bare-circle", "--order", "2", "--out", "out"], standalone_m
     assert "matplotlib" not in loaded_after(code, tmp_path)
     names = {file.stem for file in (tmp_path / "out" / "figures").iterdir()}
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert names == set(re.findall(r'<figure data-figure="(\w+)"', page))  # no figure that is not shown
+    assert names == set(
+        re.findall(r'<figure data-figure="(\w+)"', page)
+    )  # no figure that is not shown
     assert {"axes", "path", "limits", "pulses", "classical", "realised", "worth"} == names
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no console")
 def test_a_script_from_a_pipe_needs_no_prompt(tmp_path):
-    arguments = ["console", "--machine", "traverser", "--fast", "--state", str(tmp_path / "state.json")]
+    arguments = [
+        "console",
+        "--machine",
+        "traverser",
+        "--fast",
+        "--state",
+        str(tmp_path / "state.json"),
+    ]
     ((code, _, loaded),) = call_fresh([arguments]).values()
     assert code == 0
     assert "numpy" in loaded
@@ -221,13 +245,18 @@ def test_a_script_from_a_pipe_needs_no_prompt(tmp_path):
 
 
 def test_importing_the_package_loads_nothing_slow():
-    assert loaded_after("import pulsepath as pp; pp.__version__; dir(pp); assert 'plots' in dir(pp)") == []
+    assert (
+        loaded_after("import pulsepath as pp; pp.__version__; dir(pp); assert 'plots' in dir(pp)")
+        == []
+    )
     assert "numpy" in loaded_after("import pulsepath as pp; pp.Axis")
 
 
 @pytest.mark.parametrize("machine", ["hexapod", "tripod", "traverser", "scara", "linkage"])
 def test_a_loaded_machine_needs_numbers_formulas_and_file_keys_alone(machine):
-    """SciPy's rotations take as long to load as all the rest: a home that is not turned does without them."""
+    """SciPy's rotations take as long to load as all the rest: a home that is not turned does
+    without them.
+    """
     code = f"import pulsepath as pp; machine = pp.load_machine({machine!r})"
     assert set(loaded_after(code)) == {"numpy", "casadi", "pydantic"}
     assert "scipy" in loaded_after(f"{code}; machine.home")
@@ -235,7 +264,9 @@ def test_a_loaded_machine_needs_numbers_formulas_and_file_keys_alone(machine):
 
 @pytest.mark.skipif(os.name != "posix", reason="asks the system what its children cost")
 def test_help_within_150_ms_of_a_bare_interpreter():
-    """Of CPU time, which the children alone use: on the wall it is that, and what else the computer does."""
+    """Of CPU time, which the children alone use: on the wall it is that, and what else the computer
+    does.
+    """
     import resource
 
     def least(*arguments):
@@ -266,7 +297,9 @@ def test_every_name_is_the_one_that_the_type_checker_is_told():
 
 
 def test_the_figures_are_there_without_an_import_of_their_own():
-    assert "matplotlib" in loaded_after("import pulsepath as pp; assert pp.plots.limit_use.__name__ == 'limit_use'")
+    assert "matplotlib" in loaded_after(
+        "import pulsepath as pp; assert pp.plots.limit_use.__name__ == 'limit_use'"
+    )
 
 
 def test_an_unknown_name_is_an_attribute_error():

@@ -1,4 +1,6 @@
-"""How much is said, and in what dress: -q and -v before or after the command, NO_COLOR, terminals."""
+"""How much is said, and in what dress: -q and -v before or after the command, NO_COLOR,
+terminals.
+"""
 
 import os
 import subprocess
@@ -13,8 +15,18 @@ from pulsepath.progress import VERBOSE, level, step
 
 @pytest.mark.usefixtures("planned")
 def test_quiet_says_the_result_alone(call, tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmarks.reports.plan_report.write_report", lambda report, page: page.write_text(""))
-    arguments = ["plan", "bare-circle", "--out", tmp_path / "o", "--no-figures", "--json", "--force"]
+    monkeypatch.setattr(
+        "benchmarks.reports.plan_report.write_report", lambda report, page: page.write_text("")
+    )
+    arguments = [
+        "plan",
+        "bare-circle",
+        "--out",
+        tmp_path / "o",
+        "--no-figures",
+        "--json",
+        "--force",
+    ]
     usual = call(*arguments)
     assert usual.exit_code == 0
     assert "writing the report …" in usual.stderr
@@ -54,7 +66,9 @@ def test_every_command_takes_them_and_they_end_with_it(call):
             if isinstance(command, click.Group):
                 yield from commands(command)
 
-    flags = [{flag for option in command.params for flag in option.opts} for command in commands(main)]
+    flags = [
+        {flag for option in command.params for flag in option.opts} for command in commands(main)
+    ]
     assert len(flags) > 15
     assert all({"-q", "--quiet", "-v", "--verbose"} <= each for each in flags)
     with click.Context(main) as context:
@@ -67,9 +81,17 @@ def on_a_terminal(arguments, **environment):
     """What a command shows on a terminal of its own."""
     pty = pytest.importorskip("pty")
     ours, theirs = pty.openpty()
-    clean = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "TERM", "FORCE_COLOR")}
+    clean = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("NO_COLOR", "TERM", "FORCE_COLOR")
+    }
     process = subprocess.Popen(
-        [sys.executable, *arguments], stdout=theirs, stderr=theirs, stdin=theirs, env=clean | environment
+        [sys.executable, *arguments],
+        stdout=theirs,
+        stderr=theirs,
+        stdin=theirs,
+        env=clean | environment,
     )
     os.close(theirs)
     shown = b""

@@ -1,4 +1,6 @@
-"""Quantities that no machine has are refused, with line, key, value and limit, before anything is computed of them."""
+"""Quantities that no machine has are refused, with line, key, value and limit, before anything is
+computed of them.
+"""
 
 import pytest
 from click.testing import CliRunner
@@ -17,7 +19,9 @@ OUT = "[[segment]]\nline = { to = [15, 0, 25] }\n"
 ARC = "[[segment]]\narc = { centre = [0, 0, 25], normal = [0, 0, 1], angle = %s }\n"
 PROGRAMS = {
     "arc": (
-        UP + OUT + "[[segment]]\narc = { centre = [0, 0, 25], normal = [0, 0, 1], angle = 3.6e11 }\n",
+        UP
+        + OUT
+        + "[[segment]]\narc = { centre = [0, 0, 25], normal = [0, 0, 1], angle = 3.6e11 }\n",
         "10: ",
         "deg",
     ),
@@ -25,13 +29,21 @@ PROGRAMS = {
     "repeat": ("repeat = 1000000000000\n" + UP, "5: repeat", "1e+06"),
     "product": ("repeat = 900000\n" + UP + OUT, "6: repeat", "more than 1000000 in all"),
     "far": ("[[segment]]\nline = { to = [1e300, 0, 0] }\n", "6: ", "1e+08 mm"),
-    "blend": ('[[segment]]\nline = { to = [0, 0, 25] }\njoin = { blend = "1e300 mm" }\n' + OUT, "7: ", "1e+08 mm"),
+    "blend": (
+        '[[segment]]\nline = { to = [0, 0, 25] }\njoin = { blend = "1e300 mm" }\n' + OUT,
+        "7: ",
+        "1e+08 mm",
+    ),
     "dwell": (UP + '[[segment]]\ndwell = "1e30 s"\n', "8: ", "1e+09 s"),
     "duration": ('duration = "1e30 s"\n' + UP, "5: ", "1e+09 s"),
     "slow": ('[[segment]]\nline = { to = [0, 0, 5] }\nspeed = "1e-30 mm/s"\n', "7: ", "1e-12 mm/s"),
     "fast": ('[[segment]]\nline = { to = [0, 0, 5] }\nspeed = "1e300 mm/s"\n', "7: ", "1e+18 mm/s"),
     "work": ('work = { to = ["1e9 mm", "0 mm", "0 mm"] }\n' + UP, "5: ", "1e+08 mm"),
-    "curve": ('[[segment]]\ncurve = { x = "1e300*t", y = "0", z = "0", from = 0, to = 1 }\n', "5: ", "100000 m"),
+    "curve": (
+        '[[segment]]\ncurve = { x = "1e300*t", y = "0", z = "0", from = 0, to = 1 }\n',
+        "5: ",
+        "100000 m",
+    ),
 }
 AXES = """schema = 1
 kind = "traverser"
@@ -57,7 +69,11 @@ MACHINES = {
         f"{{ steps = 400 }}\nelectronic_gear = [{10**400}, 1]",
         "12: rotary.electronic_gear[1]",
     ),
-    "factor": ("{ steps = 400 }", "{ steps = 400 }\npulse_factor = 1e300", "12: rotary.pulse_factor"),
+    "factor": (
+        "{ steps = 400 }",
+        "{ steps = 400 }\npulse_factor = 1e300",
+        "12: rotary.pulse_factor",
+    ),
 }
 
 
@@ -109,7 +125,10 @@ def turning(tmp_path):
 def test_a_run_of_too_many_intervals_is_refused_with_the_remedy(monkeypatch):
     monkeypatch.setattr(grid, "MAX_INTERVALS", {2: 100, 3: 100})
 
-    with pytest.raises(MotionError, match=r'intervals to time, at most 100: write join = "stop" .* or plan at order 2'):
+    with pytest.raises(
+        MotionError,
+        match=r'intervals to time, at most 100: write join = "stop" .* or plan at order 2',
+    ):
         plan(load_program("bare-circle"), load_machine("hexapod"), order=3)
 
 
@@ -122,7 +141,13 @@ def test_tables_of_long_motions_stay_bounded():
 
 @pytest.mark.parametrize(
     ("text", "ticks"),
-    [("16 MHz", 16_000_000), ("16000000", 16_000_000), ("12.5MHz", 12_500_000), ("2e7", 20_000_000), ("1 Hz", 1)],
+    [
+        ("16 MHz", 16_000_000),
+        ("16000000", 16_000_000),
+        ("12.5MHz", 12_500_000),
+        ("2e7", 20_000_000),
+        ("1 Hz", 1),
+    ],
 )
 def test_a_clock_is_a_whole_number_of_hertz(text, ticks):
     assert Frequency().convert(text, None, None) == ticks

@@ -1,4 +1,6 @@
-"""What the command line lists before it loads anything, against the classes and tables themselves."""
+"""What the command line lists before it loads anything, against the classes and tables
+themselves.
+"""
 
 import ast
 from importlib import import_module
@@ -52,7 +54,11 @@ def test_help_is_the_first_line_of_the_docstring(what):
 def test_options_are_the_fields(what):
     table, find, _, listed = FORMAT_TABLES[what]
     fields = [row for name in table for row in list_options(name, find(name))]
-    rows = [(name, takes, each, text) for name, takes, formats, text in listed for each in formats.split()]
+    rows = [
+        (name, takes, each, text)
+        for name, takes, formats, text in listed
+        for each in formats.split()
+    ]
     assert sorted(rows, key=str) == sorted(fields, key=str)
 
 

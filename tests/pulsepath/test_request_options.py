@@ -61,7 +61,10 @@ GIVEN = {
     "clock": ("--clock-hz 16MHz", PlanRequest(clock_hz=16_000_000)),
     "duration": ("--duration 1500ms", PlanRequest(duration=1.5)),
     "gap": ("--gap 0.5% --effort 0", PlanRequest(gap=0.005, effort=0)),
-    "rule": ("--rule floor --objective time+heat", PlanRequest(rule="floor", objective="time+heat")),
+    "rule": (
+        "--rule floor --objective time+heat",
+        PlanRequest(rule="floor", objective="time+heat"),
+    ),
     "no": (
         "--no-figures --no-worth --no-baselines --whole",
         ReportRequest(figures=False, worth=False, baselines=False, stream=False),

@@ -1,4 +1,6 @@
-"""Every result prints itself, draws itself, becomes a data frame and is saved: one walk over all their classes."""
+"""Every result prints itself, draws itself, becomes a data frame and is saved: one walk over all
+their classes.
+"""
 
 import json
 import subprocess
@@ -15,7 +17,12 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pulsepath as pp
-from benchmarks.reports.gain.comparison import BaselineRatio, Comparison, ComparisonRow, SettingEntry
+from benchmarks.reports.gain.comparison import (
+    BaselineRatio,
+    Comparison,
+    ComparisonRow,
+    SettingEntry,
+)
 from benchmarks.reports.gain.verdict import Margin, Verdict
 from benchmarks.sweep.result import Cell, RunResult, SavedRuns, Setting
 from controllers.metrics import Circle, circular_test
@@ -96,7 +103,17 @@ def sizing():
 
 def comparison():
     entry = SettingEntry(0, Setting("6", (("gain", 0.7),)))
-    row = ComparisonRow(entry, "<i>", 2, {"contour_rms": 1.5e-6}, (1e-6, 2e-6), (), 0, 0, BaselineRatio(0.5, 0.4, 0.6))
+    row = ComparisonRow(
+        entry,
+        "<i>",
+        2,
+        {"contour_rms": 1.5e-6},
+        (1e-6, 2e-6),
+        (),
+        0,
+        0,
+        BaselineRatio(0.5, 0.4, 0.6),
+    )
     return Comparison((), entry, (row,), ("<i>",), ("<i>",))
 
 
@@ -104,7 +121,11 @@ def runs():
     cells = [Cell(Setting("6", (("gain", gain),)), "line") for gain in (0.5, 0.7)]
     record = {"axes": {"a": "m"}, "tasks": {"line": {"unit": "m"}}}
     done = {"contour_rms": 1.5e-6, "following_max.a": 3e-6, "end_time": np.inf}
-    return SavedRuns(Path("<i>"), record, {"0": RunResult(cells[0], done), "1": RunResult(cells[1], failure="<b>")})
+    return SavedRuns(
+        Path("<i>"),
+        record,
+        {"0": RunResult(cells[0], done), "1": RunResult(cells[1], failure="<b>")},
+    )
 
 
 PATH = PathAccuracy(3, np.array([1e-6, 2e-6]), np.array([3e-6, 4e-6]))
@@ -163,7 +184,11 @@ MAKERS = {
 def concrete(kind):
     """What is made of it; `Legged` is what two machines share."""
     for one in kind.__subclasses__():
-        if not one.__abstractmethods__ and not one.__name__.startswith("_") and one.__name__ != "Legged":
+        if (
+            not one.__abstractmethods__
+            and not one.__name__.startswith("_")
+            and one.__name__ != "Legged"
+        ):
             yield one
         yield from concrete(one)
 
@@ -222,7 +247,16 @@ def test_text_page_and_tables_tell_the_same(result):
                 assert next(cells) == cell
         if len(table) > 30:
             cells = iter(page.cells[len(page.cells) :])
-    assert page.tags <= {"table", "caption", "thead", "tbody", "tr", "th", "td", "div"}  # neither <b> nor <i>
+    assert page.tags <= {
+        "table",
+        "caption",
+        "thead",
+        "tbody",
+        "tr",
+        "th",
+        "td",
+        "div",
+    }  # neither <b> nor <i>
 
 
 def test_a_frame_of_runs_has_every_figure_of_every_run():
@@ -321,12 +355,16 @@ def test_what_is_saved_reads_back_equal_and_is_not_overwritten(result, tmp_path)
         for column in result.data().full:
             for text, value in zip(read[column.heading], column.raw, strict=True):
                 if isinstance(value, float):
-                    assert same(float(text), value) or abs(float(text) - value) <= exact * abs(value)
+                    assert same(float(text), value) or abs(float(text) - value) <= exact * abs(
+                        value
+                    )
                 else:
                     assert text == ("" if value is None else str(value))
     if ".json" in result.files() and type(result).__name__ != "Trajectory":
         told = json.loads((tmp_path / "a.json").read_text())
-        assert told["result"] == {"SavedRuns": "Runs"}.get(type(result).__name__, type(result).__name__)
+        assert told["result"] == {"SavedRuns": "Runs"}.get(
+            type(result).__name__, type(result).__name__
+        )
         rows = [row for table in told["tables"] for row in table["rows"]]
         assert len(rows) == sum(map(len, result.tables()))
 
@@ -363,7 +401,9 @@ def test_names_are_drawn_as_they_stand():
 
 
 def test_bars_of_one_name_lie_beside_each_other_and_twice_the_same_way_up():
-    budget = pp.error_budget(machine(), machine().home, [pp.Quantization(), pp.Quantization(pulses=1.0)])
+    budget = pp.error_budget(
+        machine(), machine().home, [pp.Quantization(), pp.Quantization(pulses=1.0)]
+    )
     ax = budget.plot()
     assert len({patch.get_y() for patch in ax.patches if patch.get_height() < 0.5}) == 3
     ax = budget.plot(ax)
@@ -387,8 +427,15 @@ def test_nothing_of_it_imports_pyplot_or_pandas():
 
 def test_a_notebook_shows_tables_and_each_figure_once(tmp_path):
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
-    cells = ["import pulsepath as pp\nm = pp.load_machine('hexapod')\nm", "m.plot()", "ax = m.plot()\nax.figure"]
-    cells += ["import matplotlib.pyplot as plt\nfig, ax = plt.subplots()\nm.check(m.home).plot(ax);", "m.plot()"]
+    cells = [
+        "import pulsepath as pp\nm = pp.load_machine('hexapod')\nm",
+        "m.plot()",
+        "ax = m.plot()\nax.figure",
+    ]
+    cells += [
+        "import matplotlib.pyplot as plt\nfig, ax = plt.subplots()\nm.check(m.home).plot(ax);",
+        "m.plot()",
+    ]
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
     nbclient.NotebookClient(book, timeout=120, kernel_name="python3").execute()
     kinds = [[sorted(output["data"]) for output in cell["outputs"]] for cell in book.cells]
@@ -399,7 +446,9 @@ def test_a_notebook_shows_tables_and_each_figure_once(tmp_path):
 def test_a_position_list_is_read_back(tmp_path):
     listed = MAKERS["PositionList"]()
     listed.save(tmp_path / "a.csv")
-    np.testing.assert_allclose(pp.load_positions(tmp_path / "a.csv").poses, listed.poses, rtol=1e-15)
+    np.testing.assert_allclose(
+        pp.load_positions(tmp_path / "a.csv").poses, listed.poses, rtol=1e-15
+    )
 
 
 def test_a_schedule_a_program_and_a_machine_are_read_back(tmp_path):
@@ -414,4 +463,6 @@ def test_a_schedule_a_program_and_a_machine_are_read_back(tmp_path):
     again = pp.load_program(tmp_path / "a.toml")
     assert [type(one) for one in again.segments] == [type(one) for one in plan().program.segments]
     machine().save(tmp_path / "m.toml")
-    np.testing.assert_allclose(pp.load_machine(tmp_path / "m.toml").home_q, machine().home_q, rtol=1e-14)
+    np.testing.assert_allclose(
+        pp.load_machine(tmp_path / "m.toml").home_q, machine().home_q, rtol=1e-14
+    )

@@ -1,4 +1,6 @@
-"""A loaded plan is a plan: it has what a fresh one has, to the last bit, whatever it was made of."""
+"""A loaded plan is a plan: it has what a fresh one has, to the last bit, whatever it was made
+of.
+"""
 
 import numpy as np
 import pytest
@@ -72,7 +74,9 @@ def test_a_loaded_plan_has_all_that_a_fresh_one_has(stored, axes, options, named
     assert loaded.certificate.holds
     # Proved without what the solver has proved already, as a loaded plan is.
     again = certify(fresh.trajectory, fresh.limits)
-    assert loaded.certificate.worst == again.worst == pytest.approx(fresh.certificate.worst, rel=1e-6)
+    assert (
+        loaded.certificate.worst == again.worst == pytest.approx(fresh.certificate.worst, rel=1e-6)
+    )
     assert loaded.certificate.where == again.where
     same = (
         "duration",
@@ -92,7 +96,9 @@ def test_a_loaded_plan_has_all_that_a_fresh_one_has(stored, axes, options, named
         assert loaded.shaped.worst == pytest.approx(fresh.shaped.worst, rel=1e-6)
     for one, other in zip(loaded.pulses.axes, fresh.pulses.axes, strict=True):
         assert np.array_equal(one.ticks, other.ticks)
-    assert [event.where.t for event in loaded.triggers] == [event.where.t for event in fresh.triggers]
+    assert [event.where.t for event in loaded.triggers] == [
+        event.where.t for event in fresh.triggers
+    ]
 
     errors = [each.realised(stride=40) for each in (loaded, fresh)]
     assert str(errors[0]) == str(errors[1])
@@ -104,11 +110,18 @@ def test_a_loaded_plan_has_all_that_a_fresh_one_has(stored, axes, options, named
 
 def test_its_tables_figure_bound_and_worth_are_those_of_a_fresh_one(stored):
     loaded, fresh = stored("", ["--order", "2"], {"order": 2})
-    tables = [[table for table in plan.tables() if "certificate" not in table.title] for plan in (loaded, fresh)]
+    tables = [
+        [table for table in plan.tables() if "certificate" not in table.title]
+        for plan in (loaded, fresh)
+    ]
     assert len(tables[0]) > 4
     assert [str(table) for table in tables[0]] == [str(table) for table in tables[1]]
     figure, other = (plan.plot().get_figure(root=True) for plan in (loaded, fresh))
-    drawn = [collection.get_array() for each in (figure, other) for collection in each.axes[0].collections[:1]]
+    drawn = [
+        collection.get_array()
+        for each in (figure, other)
+        for collection in each.axes[0].collections[:1]
+    ]
     assert np.array_equal(*drawn)
     for name in LATER:
         assert str(getattr(loaded, name)) == str(getattr(fresh, name)), name
@@ -120,7 +133,9 @@ def test_its_tables_figure_bound_and_worth_are_those_of_a_fresh_one(stored):
 
 def test_one_that_was_planned_in_parts_has_a_certificate_and_a_realised_path(tmp_path, call):
     program, out = tmp_path / "part.nc", tmp_path / "out"
-    program.write_text("G21 G90 G64 P0.05 F1200\nG1 X5 Y5\nX10 Y0\nG4 P0.1\nX20 Y3\n", encoding="utf-8")
+    program.write_text(
+        "G21 G90 G64 P0.05 F1200\nG1 X5 Y5\nX10 Y0\nG4 P0.1\nX20 Y3\n", encoding="utf-8"
+    )
     given = ("--machine", "corexy", "--order", "2", "--stream", "--no-figures", "--out", out)
     with small_windows(1):
         assert call("plan", program, *given).exit_code == 0

@@ -227,7 +227,9 @@ def measure(
             files = [write_shape(shape, lines, scratch / f"{shape}.nc")]
         else:
             files = write_cam_files(scratch)
-        yield Table("", COLUMNS, rows(), f"order {order}, fit {fit}, {'in parts' if parts else 'whole'}")
+        yield Table(
+            "", COLUMNS, rows(), f"order {order}, fit {fit}, {'in parts' if parts else 'whole'}"
+        )
     counts = Counter(mark for run in runs for mark in run.marks)
     faults = ", ".join(f"{count} {mark}" for mark, count in counts.items())
     yield f"{len(runs)} files; {faults or 'no marks'}"

@@ -22,7 +22,9 @@ LIMITS = {"speed": 0.020, "acceleration": 0.225, "jerk": 4.0}
 
 
 def measure(instants: int = 100_000) -> Iterator[Table]:
-    """Yield the uses of limits, proved and by hand, and the error of the pulses, at orders 2 and 3."""
+    """Yield the uses of limits, proved and by hand, and the error of the pulses, at orders 2 and
+    3.
+    """
     machine = cast(Hexapod, load_machine("hexapod"))
     program = load_program("bare-circle")
     for order in (2, 3):
@@ -61,7 +63,9 @@ def leg_derivatives(machine: Hexapod, phi: Array) -> tuple[Array, Array, Array, 
 
 
 def largest_use(planned: Plan, machine: Hexapod, instants: int) -> dict[str, float]:
-    """Return the largest value/limit of the legs by hand, once their lengths are those of the plan."""
+    """Return the largest value/limit of the legs by hand, once their lengths are those of the
+    plan.
+    """
     motion = planned.trajectory
     t = np.linspace(0.0, motion.duration, instants)
     pieces = np.array([motion.j / 6, motion.a / 2, motion.v, motion.s])

@@ -121,7 +121,10 @@ def run_command(
     command: str,
     message: str = "",
 ) -> Measured[subprocess.CompletedProcess[str]]:
-    """Run a command in a new process. Raises MotionError if its output does not hold the message."""
+    """Run a command in a new process.
+
+    Raises MotionError if its output does not hold the message.
+    """
     words = [sys.executable, "-m", "pulsepath", *command.split()]
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -130,7 +133,9 @@ def run_command(
             (folder / file).write_text(text, encoding="utf-8")
 
         def run() -> subprocess.CompletedProcess[str]:
-            return subprocess.run(words, capture_output=True, text=True, env=ENVIRONMENT, cwd=folder)
+            return subprocess.run(
+                words, capture_output=True, text=True, env=ENVIRONMENT, cwd=folder
+            )
 
         measured = measure_here(run)
     output = measured.result.stdout + measured.result.stderr
@@ -151,7 +156,9 @@ def measure(rounds: int = 3) -> Iterator[Table]:
             min(run.wall for run in runs),
         ]
 
-    quick_rows = ([*find_fastest(command, message), ALLOWED] for command, message in COMMANDS.items())
+    quick_rows = (
+        [*find_fastest(command, message), ALLOWED] for command, message in COMMANDS.items()
+    )
     plan_rows = ([*find_fastest(command), limit] for command, limit in PLANS.items())
     columns = ("command", "processor time (s)", "wall time (s)")
     yield Table("Commands that do not plan", (*columns, "allowed processor time (s)"), quick_rows)

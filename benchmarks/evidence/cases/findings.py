@@ -56,7 +56,10 @@ def measure() -> Iterator[Table | str]:
     for finding in FINDINGS:
         yield f"### {finding.name}\n\nJudged: {finding.judged}.\n\n{finding.because}"
     numbers = map(str, range(1, len(FINDINGS) + 1))
-    rows = [[name, *(answer(verdict[name]) for verdict in verdicts.values())] for name in verdicts[FINDINGS[0].name]]
+    rows = [
+        [name, *(answer(verdict[name]) for verdict in verdicts.values())]
+        for name in verdicts[FINDINGS[0].name]
+    ]
     yield Table("What each assumption decides", ("assumption", *numbers), rows, NUMBERED)
     for name, by_assumption in verdicts.items():
         yield f"### {name}, by assumption"
@@ -66,7 +69,10 @@ def measure() -> Iterator[Table | str]:
 
 def judge(outcomes: Sequence[Outcome]) -> Verdicts:
     """Return the verdicts on all findings."""
-    return {finding.name: {one.assumption.name: finding.judge(one) for one in outcomes} for finding in FINDINGS}
+    return {
+        finding.name: {one.assumption.name: finding.judge(one) for one in outcomes}
+        for finding in FINDINGS
+    }
 
 
 def summarise(verdicts: Verdicts) -> Table:

@@ -30,7 +30,8 @@ FAR_POSITION, WIDE_ANGLE = 0.3, np.deg2rad(60)
 # m or rad up to which two poses are the same
 SAME_POSE_TOLERANCE = 1e-9
 INSTANTS = 129
-# Steps that a machine follows; the second number where it is lost with the first, near a singularity.
+# Steps that a machine follows; the second number where it is lost with the first, near a
+# singularity.
 STEPS = (200, 4000)
 # Poses that are in memory together.
 BATCH = 20_000
@@ -132,7 +133,9 @@ def crosses_singularity(machine: Hexapod, end: Pose) -> np.ndarray:
 
 
 def follow_lengths(machine: Hexapod, end: Pose, steps: int = STEPS[0]) -> Pose:
-    """Return where machines arrive that follow the lengths of the straight motion in small steps."""
+    """Return where machines arrive that follow the lengths of the straight motion in small
+    steps.
+    """
     pose = interpolate_from_home(machine, end, 0.0)
     for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
         target, _ = leg_jacobian(machine, interpolate_from_home(machine, end, share))

@@ -26,7 +26,9 @@ COLUMNS = ("limit", "axis", "predicted (ms)", "saved (ms)", "error (%)", "with o
 
 
 def solve_cases() -> Iterator[tuple[str, Solution]]:
-    """Yield the motions of the bundled programs without a free orientation, and of random splines."""
+    """Yield the motions of the bundled programs without a free orientation, and of random
+    splines.
+    """
     for name in program_names():
         program = load_program(name)
         if program.machine is None or name == "free-yaw":
@@ -85,7 +87,9 @@ def measure(share: float = 3e-4) -> Iterator[Table]:
 
 
 def summarise(errors: dict[str, list[float]], largest: dict[str, float]) -> Table:
-    """Return the table of errors |predicted / saved − 1|; largest: the largest one of each motion."""
+    """Return the table of errors |predicted / saved − 1|; largest: the largest one of each
+    motion.
+    """
     rows: list[Row] = []
     for name, values in [*errors.items(), ("worst of each motion", list(largest.values()))]:
         near = sum(value <= CLOSE for value in values)

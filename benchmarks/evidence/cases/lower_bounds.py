@@ -143,7 +143,9 @@ def find_others(ours: Solution) -> Iterator[tuple[str, float]]:
     if path.stops(ours.order)[1:-1].any():
         return
     if ours.order == 2:
-        theirs = attempt(partial(certified_solve, path, ours.limits, 2, settings=Settings(solver="toppra")))
+        theirs = attempt(
+            partial(certified_solve, path, ours.limits, 2, settings=Settings(solver="toppra"))
+        )
         if isinstance(theirs, Solution):
             yield "toppra", theirs.trajectory.duration
         return

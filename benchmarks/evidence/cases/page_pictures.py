@@ -1,8 +1,8 @@
 """Pictures of every report page for the documentation.
 
-The commands make a plan, a plan in parts, a comparison, a calibration and the studio. Chromium opens
-each page at several widths, light and dark, and a report also as printed. What a window shows comes
-side by side on one sheet for each page. `--page` takes one page only.
+The commands make a plan, a plan in parts, a comparison, a calibration and the studio. Chromium
+opens each page at several widths, light and dark, and a report also as printed. What a window shows
+comes side by side on one sheet for each page. `--page` takes one page only.
 """
 
 import re

@@ -48,7 +48,9 @@ def measure() -> Iterator[Table | str]:
 def explain_calibration() -> dict[str, Table | str]:
     """Return the five parameters, the errors before and after, and the check by Table 6.4."""
     result = calibrate(load_machine("hexapod"), load_measurements("cmm"))
-    before, after, left_out = (1e6 * result.rms(errors) for errors in (result.before, result.after, result.left_out))
+    before, after, left_out = (
+        1e6 * result.rms(errors) for errors in (result.before, result.after, result.left_out)
+    )
     numbers = [
         NumberComparison("RMS position error before, per component", "µm", "183", before),
         NumberComparison("the same after", "µm", "13.3", after),

@@ -38,7 +38,9 @@ REPEATS, MOST_SECONDS = 7, 5.0
 
 @dataclass(frozen=True, slots=True)
 class StageRun:
-    """A stage of a schedule: pulses, s of processor time; bytes of its file and notes of its export."""
+    """A stage of a schedule: pulses, s of processor time; bytes of its file and notes of its
+    export.
+    """
 
     pulses: int
     seconds: float
@@ -90,7 +92,9 @@ def time_export(name: str, source: ExportSource, path: Path) -> StageRun:
     )
     if not np.isfinite(exported.error):
         raise MotionError(f"format {name}: the file does not hold the schedule")
-    return StageRun(source.pulses.total, min(seconds), path.stat().st_size, "; ".join(exported.notes))
+    return StageRun(
+        source.pulses.total, min(seconds), path.stat().st_size, "; ".join(exported.notes)
+    )
 
 
 def make_parts(machine: Machine, once: Trajectory, times: int) -> Iterator[PulseSchedule]:

@@ -47,7 +47,9 @@ def solve_program(program: Program, machine: Machine, order: int) -> Trajectory:
     return certified_solve(path, limits_of(path, machine.axes, order), order).trajectory
 
 
-def time_solver(name: str, intervals: int | None, work: Callable[[], Trajectory | RunSolution]) -> Row:
+def time_solver(
+    name: str, intervals: int | None, work: Callable[[], Trajectory | RunSolution]
+) -> Row:
     """Return the row of a solver: its first call, and the median of the later ones."""
     result, times = time_calls(work, REPEATS, perf_counter)
     return [name, intervals, result.duration, times[0], median(times[1:])]

@@ -71,7 +71,9 @@ class PathProblem:
         return float(self.path.breaks[-1] - self.path.breaks[0])
 
     def limits(self, order: int) -> tuple[Limit, ...]:
-        """Return the limits on speed, acceleration and jerk: no peer knows travel, tilt or force."""
+        """Return the limits on speed, acceleration and jerk: no peer knows travel, tilt or
+        force.
+        """
         limits = limits_of(self.path, self.axes, order)
         return tuple(limit for limit in limits if limit.name in QUANTITIES)
 

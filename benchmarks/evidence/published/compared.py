@@ -56,7 +56,8 @@ def compare_numbers(numbers: Iterable[NumberComparison]) -> Table:
 class PublishedLine:
     """One line of a published calculation.
 
-    printed      the number as it is printed, "8.060e-5"; its last digit states how far it is rounded
+    printed      the number as it is printed, "8.060e-5"; its last digit states how far it is
+                 rounded
     redone       result of the printed formula with its printed inputs
     ours         result of our model, None if it has no such line
     readings     results for other inputs that the source may have meant, by their names

@@ -48,14 +48,19 @@ def published_hexapod(name: str) -> Hexapod:
 
 
 def table_4_3() -> Hexapod:
-    """Return the final design with both joint circles of 149 mm, joints 389.5 mm apart in height."""
+    """Return the final design with both joint circles of 149 mm, joints 389.5 mm apart in
+    height.
+    """
     base = joint_circle(0.149, np.deg2rad(30), 0)
     platform = joint_circle(0.149, np.deg2rad(60), -0.0105)
     return Hexapod(base, platform, axes=AXES, home=RigidTransform.from_translation([0, 0, 0.4]))
 
 
 def length_changes() -> list[NumberComparison]:
-    """Return the changes of the legs' lengths. The pivot is on the axis, off the platform's origin."""
+    """Return the changes of the legs' lengths.
+
+    The pivot is on the axis, off the platform's origin.
+    """
     data = PUBLISHED["rubin_simulink"]
     machine = published_hexapod("rubin_simulink")
     shift, pivot = np.array(data["pose"][:3]), np.array(data["pivot_m"])
@@ -110,7 +115,8 @@ def pulse_count() -> list[NumberComparison]:
 
 
 def leg_angles() -> list[NumberComparison]:
-    """Return the angles of each leg: Rx and Ry turn the z axis into its direction, Rz its x axis level.
+    """Return the angles of each leg: Rx and Ry turn the z axis into its direction, Rz its x axis
+    level.
 
     The directions are in the first three columns of the Jacobian. A half turn about z changes
     nothing in that, and the table has either.
@@ -147,7 +153,9 @@ def axis_angles() -> list[NumberComparison]:
 
 
 def retracted_lengths() -> list[NumberComparison]:
-    """Return the lengths between joint centres; print follows from the frames' distance in its program."""
+    """Return the lengths between joint centres; print follows from the frames' distance in its
+    program.
+    """
     return compare(LEGS, "mm", ["219.0774"] * 6, 1e3 * load_machine("hexapod").home_q)
 
 

@@ -52,7 +52,10 @@ def appendix_d() -> tuple[PublishedLine, ...]:
         f"{load:g} lb{text}": factor * frame_slope(load)
         for load, (factor, text) in product(loads, ((1, ""), (0.1, " and one power of ten lost")))
     }
-    abbe = {f"a lever of {lever} in with the printed slope": PRINTED_SLOPE * lever for lever in (10, 50, 60, 70, 80)}
+    abbe = {
+        f"a lever of {lever} in with the printed slope": PRINTED_SLOPE * lever
+        for lever in (10, 50, 60, 70, 80)
+    }
     moduli = {"28e6 psi, as elsewhere, for the 28e3 of the line": cross_sag(28e6)}
     return (
         PublishedLine(
@@ -63,7 +66,9 @@ def appendix_d() -> tuple[PublishedLine, ...]:
             sag,
             sags,
         ),
-        PublishedLine("frame, factor of the largest slope", "", "0.096", sqrt(3) / 18, sqrt(3) / 18),
+        PublishedLine(
+            "frame, factor of the largest slope", "", "0.096", sqrt(3) / 18, sqrt(3) / 18
+        ),
         PublishedLine(
             "frame, place of the largest slope / span",
             "",

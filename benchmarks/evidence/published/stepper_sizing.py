@@ -46,7 +46,9 @@ def size_axis(
 
 
 def other_axes() -> dict[str, StepperSizing]:
-    """Return our sizing of the other two axes, of which the appendix prints only torque and time."""
+    """Return our sizing of the other two axes, of which the appendix prints only torque and
+    time.
+    """
     return {
         "transverse": size_axis(weight=140.0, lift=0.0),
         "longitudinal": size_axis(weight=300.0, travel=72.0, accuracy=0.020, lift=0.0),
@@ -65,9 +67,10 @@ def appendix_b() -> tuple[PublishedLine, ...]:
     gravity = WEIGHT / (0.393 * THREADS * EFFICIENCY)
     friction = FRICTION / (0.393 * THREADS * EFFICIENCY) + DRAG
     screw = DIAMETER**4 * TRAVEL * 0.028
-    readings = {f"{rate} steps/s in T_A": acceleration_torque(rate=rate) for rate in (1000, 1400, 1600, 2000)} | {
-        f"a ramp of {ramp} s in T_A": acceleration_torque(ramp=ramp) for ramp in (2.5, 3, 3.75, 4)
-    }
+    readings = {
+        f"{rate} steps/s in T_A": acceleration_torque(rate=rate)
+        for rate in (1000, 1400, 1600, 2000)
+    } | {f"a ramp of {ramp} s in T_A": acceleration_torque(ramp=ramp) for ramp in (2.5, 3, 3.75, 4)}
     return (
         PublishedLine(
             "coarsest step: accuracy / 5",
@@ -76,7 +79,9 @@ def appendix_b() -> tuple[PublishedLine, ...]:
             ACCURACY / 5,
             ours.resolution / INCH,
         ),
-        PublishedLine("coarsest lead", "in/rev", "0.4", 360 / STEP * 0.002, ours.coarsest_lead / INCH),
+        PublishedLine(
+            "coarsest lead", "in/rev", "0.4", 360 / STEP * 0.002, ours.coarsest_lead / INCH
+        ),
         PublishedLine("average speed", "in/s", "1.2", TRAVEL / TIME, ours.average_speed / INCH),
         PublishedLine(
             "top speed for that, with ramps",
@@ -110,7 +115,9 @@ def appendix_b() -> tuple[PublishedLine, ...]:
             ours.inertia / POUND_INCH2,
             approximate=True,
         ),
-        PublishedLine("acceleration", "rad/s²", "7.54", RATE * MOTOR.step / RAMP, ours.acceleration),
+        PublishedLine(
+            "acceleration", "rad/s²", "7.54", RATE * MOTOR.step / RAMP, ours.acceleration
+        ),
         PublishedLine("T_A, acceleration", "oz in", "1.26", 4.0 * 7.54 / 24, accelerating),
         PublishedLine(
             "T_F, friction",
@@ -149,7 +156,9 @@ def appendix_b() -> tuple[PublishedLine, ...]:
 
 
 def compare_axes() -> Table:
-    """Return torque and time of the whole travel of the three axes, with the same screw and motor."""
+    """Return torque and time of the whole travel of the three axes, with the same screw and
+    motor.
+    """
     columns = (
         "axis",
         "torque (oz in)",

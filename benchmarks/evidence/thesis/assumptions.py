@@ -18,15 +18,18 @@ from planner.trajectory import Trajectory
 TASK = "line"
 """The thesis' reference."""
 CLOSING_STOP = 1e-3
-"""s: `Tacc` of [Sahbaz 2007, Appendix E], within which its program stops the axes after the last sample."""
+"""s: `Tacc` of [Sahbaz 2007, Appendix E], within which its program stops the axes after the last
+sample.
+"""
 
 STATED = "as stated"
 QUEUED = "SetContinuousMove: commands queue behind a running move"
 UNSIGNED = "GetCurrentSpeed: the card's rate without its sign"
 BOTH = "both: commands queue, and the rate has no sign"
 READINGS = (STATED, QUEUED, UNSIGNED, BOTH)
-"""Assumptions that are readings of the printed program: a command replaces the running move, or queues
-behind it; the rate has the sign of its direction, or none."""
+"""Assumptions that are readings of the printed program: a command replaces the running move, or
+queues behind it; the rate has the sign of its direction, or none.
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,17 @@ from controllers.metrics.metrics import END_BAND
 GOOD_GAINS, BEST_GAINS = (0.5, 0.9), (0.6, 0.8)
 """Gains k that the thesis calls good, and those that count as near its best, 0.7."""
 EQUAL_ERROR_RATIO = 1.01
-"""Errors within one part in a hundred are no difference: repeated runs of a real rig would not tell them apart."""
+"""Errors within one part in a hundred are no difference: repeated runs of a real rig would not tell
+them apart.
+"""
 LOST_ERROR_RATIO = 10.0
-"""Times the error of the open loop (law 3) from which a law has lost the motion, which is called unstable here."""
+"""Times the error of the open loop (law 3) from which a law has lost the motion, which is called
+unstable here.
+"""
 UNCOVERED = 19
-"""Pulses by which the way of the worst axis is more than the trapezoidal rule over its 41 sampled speeds."""
+"""Pulses by which the way of the worst axis is more than the trapezoidal rule over its 41 sampled
+speeds.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +38,9 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A finding of the thesis, how it is judged here, and the reason for the verdict on the rig as stated."""
+    """A finding of the thesis, how it is judged here, and the reason for the verdict on the rig as
+    stated.
+    """
 
     name: str
     judged: str

@@ -13,12 +13,16 @@ from controllers.simulate import sample, simulate
 
 THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
 LAWS = (*THESIS_LAWS, "3t", "6r", "7r")
-"""The seven, law 3 with a full trapezoid in each sample, and 6 and 7 with the correction in the top speed too."""
+"""The seven, law 3 with a full trapezoid in each sample, and 6 and 7 with the correction in the top
+speed too.
+"""
 PERIOD = 1e-3
 SETTLING_TIME = 1.0
 """s that are simulated after the planned end."""
 LATE_TIME = 0.5
-"""s after the planned end at which axes should have arrived: fifteen time constants of a 30 1/s loop."""
+"""s after the planned end at which axes should have arrived: fifteen time constants of a 30 1/s
+loop.
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,6 @@
-"""Saved runs compared: what is better than a baseline, by how much, and at what cost; the gain report."""
+"""Saved runs compared: what is better than a baseline, by how much, and at what cost; the gain
+report.
+"""
 
 import lazy_loader
 

@@ -30,16 +30,23 @@ if TYPE_CHECKING:
 RANK = "contour_rms"
 """The figure by which settings are compared."""
 DEFAULT_BASELINE = "closed-position:gain=0.7"
-"""The baseline where none is given: the law and the gain that [Sahbaz 2007, chapter 7] recommends."""
+"""The baseline where none is given: the law and the gain that [Sahbaz 2007, chapter 7]
+recommends.
+"""
 UNSTABLE_SHARE = 0.1
-"""A run that is not at its goal at the end of the record, and whose RMS tracking error is more than this share of the
-path's extent, is unstable."""
+"""A run that is not at its goal at the end of the record, and whose RMS tracking error is more than
+this share of the path's extent, is unstable.
+"""
 MIN_DIFFERENCE_SHARE = 0.01
 """A difference of less is not worth a mark."""
 ERROR_FLOOR_PULSES = 0.01
-"""Of the rig's smallest pulse, as a distance on the path: an error of less is rounding, which no rig could show."""
+"""Of the rig's smallest pulse, as a distance on the path: an error of less is rounding, which no
+rig could show.
+"""
 DEFAULT_RESOLUTION = 1e-7
-"""m or rad: the pulse of runs that were saved without one; coarse for a drive, and far above rounding."""
+"""m or rad: the pulse of runs that were saved without one; coarse for a drive, and far above
+rounding.
+"""
 SAME_RATIO = 1e-9
 """Relative difference of errors below which a gain changed nothing."""
 Pairing = tuple[str, int]
@@ -49,7 +56,8 @@ Pairing = tuple[str, int]
 class RunGroup:
     """The runs of a setting on a path, by rig and seed.
 
-    equal_rigs  variations that were not run, because they equal an earlier one: name -> earlier name
+    equal_rigs  variations that were not run, because they equal an earlier one: name -> earlier
+                name
     random      whether the seed changes the run; if not, one run represents all seeds
     """
 
@@ -58,7 +66,9 @@ class RunGroup:
     runs: dict[Pairing, RunResult] = field(default_factory=dict)
 
     def find(self, pairing: Pairing) -> RunResult | None:
-        """Return the run with this rig and seed, or the equal run that represents it; None if neither exists."""
+        """Return the run with this rig and seed, or the equal run that represents it; None if
+        neither exists.
+        """
         rig, seed = pairing
         rig = self.equal_rigs.get(rig, rig)
         if (rig, seed) in self.runs or self.random:
@@ -67,7 +77,9 @@ class RunGroup:
 
 
 def make_group(record: Mapping[str, Any], law: str) -> RunGroup:
-    """Return an empty group for the runs of a law; older records do not say which runs are equal."""
+    """Return an empty group for the runs of a law; older records do not say which runs are
+    equal.
+    """
     random = law in record.get("random_laws", [law])
     return RunGroup(record.get("equal_rigs", {}), random)
 
@@ -82,13 +94,15 @@ class SettingEntry:
 
 @dataclass(frozen=True, slots=True)
 class BaselineRatio:
-    """An error over the baseline's on the same rig with the same seed: geometric mean, least and largest.
+    """An error over the baseline's on the same rig with the same seed: geometric mean, least and
+    largest.
 
     ratios    by the criteria of a verdict, as they count, the geometric mean of each
     measured  the same as measured, also below what counts
 
-    mark  "better" or "worse" where it is so, by more than 1 %, on every rig and seed that was tried; else "neither".
-          The rigs are chosen, no sample of a population, so nothing is said of others.
+    mark  "better" or "worse" where it is so, by more than 1 %, on every rig and seed that was
+          tried; else "neither". The rigs are chosen, no sample of a population, so nothing is said
+          of others.
     """
 
     ratio: float
@@ -112,9 +126,10 @@ class ComparisonRow:
     spread    least and largest RMS contour error of all rigs and seeds that did not fail
     failures  (rig, reason) of every run that failed
     away      how many runs are not within `END_BAND` pulses of their goal at the end of the record
-    unstable  how many failed, or are away and err by more than `UNSTABLE_SHARE` of the path's extent
-    against   the baseline on the same path; None where either failed on a rig, of the baseline itself, and where the
-              path is not ranked
+    unstable  how many failed, or are away and err by more than `UNSTABLE_SHARE` of the path's
+              extent
+    against   the baseline on the same path; None where either failed on a rig, of the baseline
+              itself, and where the path is not ranked
     """
 
     entry: SettingEntry
@@ -129,7 +144,9 @@ class ComparisonRow:
 
     @property
     def worst(self) -> float:
-        """The largest RMS contour error of all rigs and seeds, m or rad; infinite where it is unstable on any."""
+        """The largest RMS contour error of all rigs and seeds, m or rad; infinite where it is
+        unstable on any.
+        """
         return inf if self.unstable or self.spread is None else self.spread[1]
 
     @property
@@ -142,8 +159,9 @@ class ComparisonRow:
 class Comparison(Result):
     """All rows of a comparison, setting by setting, and the runs behind them.
 
-    ranked  the tasks by which settings are ranked: those that no stable run stays on to less than the floor. On the
-            others, as where two like axes go straight, an error to the path tells nothing of how it was tracked.
+    ranked  the tasks by which settings are ranked: those that no stable run stays on to less than
+            the floor. On the others, as where two like axes go straight, an error to the path tells
+            nothing of how it was tracked.
     """
 
     sources: tuple[SavedRuns, ...]
@@ -153,20 +171,32 @@ class Comparison(Result):
     ranked: tuple[str, ...]
 
     def tables(self) -> tuple[Table, ...]:
-        """Every row: the error to the path on all rigs, over the baseline's, and the runs that did not hold.
+        """Every row: the error to the path on all rigs, over the baseline's, and the runs that did
+        not hold.
 
         The worst rig's is infinite where a run is unstable.
         """
         rows, against = self.rows, [row.against for row in self.rows]
-        units = [self.unit(RANK, row.task) for row in rows] if self.sources else ["m or rad"] * len(rows)
+        units = (
+            [self.unit(RANK, row.task) for row in rows]
+            if self.sources
+            else ["m or rad"] * len(rows)
+        )
         errors: dict[str, list[float | None]] = {
             "contour RMS": [row.figures.get(RANK) for row in rows],
             "best rig": [row.spread and row.spread[0] for row in rows],
             "worst rig": [row.worst for row in rows],
         }
         ratios = (
-            Column(name, [None if one is None else getattr(one, field) for one in against], form=".3f")
-            for name, field in (("ratio", "ratio"), ("least", "least"), ("most", "largest"), ("mark", "mark"))
+            Column(
+                name, [None if one is None else getattr(one, field) for one in against], form=".3f"
+            )
+            for name, field in (
+                ("ratio", "ratio"),
+                ("least", "least"),
+                ("most", "largest"),
+                ("mark", "mark"),
+            )
         )
         columns = (
             *setting_columns([row.entry.setting for row in rows]),
@@ -179,7 +209,11 @@ class Comparison(Result):
             Column("off its goal", [row.away for row in rows]),
             Column("failed", [len(row.failures) for row in rows]),
         )
-        return (Table(f"settings, and their errors over those of {self.baseline.setting.text}", columns),)
+        return (
+            Table(
+                f"settings, and their errors over those of {self.baseline.setting.text}", columns
+            ),
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the mean ratio to the baseline of each setting that holds on every ranked path."""
@@ -187,7 +221,13 @@ class Comparison(Result):
 
         ratios = {entry.setting.text: self.mean_ratio(entry) for entry in self.entries}
         held = {name: ratio for name, ratio in ratios.items() if isfinite(ratio)}
-        return draw_bars([*held], [*held.values()], "RMS contour error over the baseline's, mean over paths", ax, 1.0)
+        return draw_bars(
+            [*held],
+            [*held.values()],
+            "RMS contour error over the baseline's, mean over paths",
+            ax,
+            1.0,
+        )
 
     @property
     def entries(self) -> tuple[SettingEntry, ...]:
@@ -220,21 +260,28 @@ class Comparison(Result):
         for why, faulty in (
             ("not run on", [task for task in tasks if task not in rows]),
             ("failed or unstable on", [task for task, row in rows.items() if row.unstable]),
-            ("off its goal more often than the baseline on", [task for task in own if own[task] > base.get(task, 1.0)]),
+            (
+                "off its goal more often than the baseline on",
+                [task for task in own if own[task] > base.get(task, 1.0)],
+            ),
         ):
             if faulty:
                 return f"{why} {', '.join(faulty)}"
         return ""
 
     def mean_ratio(self, entry: SettingEntry) -> float:
-        """Geometric mean of the ratios to the baseline over ranked paths; infinite where `fault` names one."""
+        """Geometric mean of the ratios to the baseline over ranked paths; infinite where `fault`
+        names one.
+        """
         rows = [row for row in self.of(entry) if row.task in self.ranked]
         ratios = [inf if row.against is None else row.against.ratio for row in rows]
         held = all(map(isfinite, ratios)) and not self.fault(entry)
         return exp(fmean(map(log, ratios))) if ratios and held else inf
 
     def ratios(self, entry: SettingEntry) -> dict[str, float]:
-        """By the criteria of a verdict, over the baseline: geometric means over ranked paths, those that all have."""
+        """By the criteria of a verdict, over the baseline: geometric means over ranked paths, those
+        that all have.
+        """
         rows = [row for row in self.of(entry) if row.task in self.ranked]
         return mean_of([row.against.ratios for row in rows if row.against is not None])
 
@@ -244,20 +291,30 @@ class Comparison(Result):
         return mean_of([row.against.measured for row in rows if row.against is not None])
 
     def score(self, entry: SettingEntry) -> float:
-        """What a verdict ranks by: all criteria weighed, below 1 where it beats the baseline; inf as `mean_ratio`."""
+        """What a verdict ranks by: all criteria weighed, below 1 where it beats the baseline; inf
+        as `mean_ratio`.
+        """
         return weigh(self.ratios(entry)) if isfinite(self.mean_ratio(entry)) else inf
 
     def rank(self) -> list[SettingEntry]:
-        """The settings other than the baseline that hold, the best by all criteria weighed first."""
+        """The settings other than the baseline that hold, the best by all criteria weighed
+        first.
+        """
         return [entry for alike in self.rank_alike() for entry in alike]
 
     def rank_alike(self) -> list[tuple[SettingEntry, ...]]:
-        """The same in groups: settings of one law that come out alike by all criteria, the nearest to its usual gains
-        first."""
+        """The same in groups: settings of one law that come out alike by all criteria, the nearest
+        to its usual gains first.
+        """
         groups: list[list[SettingEntry]] = []
         scores = {entry: self.score(entry) for entry in self.entries}
-        ratios = {entry: [one, self.mean_ratio(entry), *self.ratios(entry).values()] for entry, one in scores.items()}
-        for entry in sorted((one for one in scores if isfinite(scores[one])), key=scores.__getitem__):
+        ratios = {
+            entry: [one, self.mean_ratio(entry), *self.ratios(entry).values()]
+            for entry, one in scores.items()
+        }
+        for entry in sorted(
+            (one for one in scores if isfinite(scores[one])), key=scores.__getitem__
+        ):
             same = (
                 group
                 for group in groups
@@ -269,7 +326,9 @@ class Comparison(Result):
                 groups.append([entry])
             else:
                 alike.append(entry)
-        return [tuple(sorted(group, key=lambda one: _find_distance(one.setting))) for group in groups]
+        return [
+            tuple(sorted(group, key=lambda one: _find_distance(one.setting))) for group in groups
+        ]
 
     def about(self, task: str) -> Mapping[str, Any]:
         """What the record of the runs says of a task."""
@@ -286,11 +345,17 @@ class Comparison(Result):
     def label(self, entry: SettingEntry) -> str:
         """Of a setting; with the name of its runs, where there are several."""
         several = len(self.sources) > 1
-        return f"{self.sources[entry.source].name}: {entry.setting.label}" if several else entry.setting.label
+        return (
+            f"{self.sources[entry.source].name}: {entry.setting.label}"
+            if several
+            else entry.setting.label
+        )
 
     def unit(self, figure: str, task: str) -> str:
         """SI unit of a figure on a path; empty for shares, and where axes of two kinds have it."""
-        return figure_unit(figure, task, next(of.record for of in self.sources if task in of.record["tasks"]))
+        return figure_unit(
+            figure, task, next(of.record for of in self.sources if task in of.record["tasks"])
+        )
 
 
 @check_arguments()
@@ -302,7 +367,8 @@ def compare(sources: Sequence[SavedRuns], baseline: str | None = None) -> Compar
     sources
         Runs of one sweep or several.
     baseline
-        As `read_setting` reads it, of the first runs that have it. None: `DEFAULT_BASELINE` where that was run, else
+        As `read_setting` reads it, of the first runs that have it. None: `DEFAULT_BASELINE` where
+        that was run, else
         the first setting.
 
     Returns
@@ -341,7 +407,14 @@ def compare(sources: Sequence[SavedRuns], baseline: str | None = None) -> Compar
         )
     )
     rows = tuple(
-        _row(entry, task, groups, against, largest[task], _criteria_of(sources, task) if task in ranked else None)
+        _row(
+            entry,
+            task,
+            groups,
+            against,
+            largest[task],
+            _criteria_of(sources, task) if task in ranked else None,
+        )
         for entry, task in groups
     )
     return Comparison(tuple(sources), against, rows, tasks, ranked)
@@ -359,11 +432,15 @@ def _task_record(sources: Sequence[SavedRuns], task: str) -> Mapping[str, Any]:
 
 
 def _floor(sources: Sequence[SavedRuns], task: str) -> float:
-    return ERROR_FLOOR_PULSES * float(_task_record(sources, task).get("resolution", DEFAULT_RESOLUTION))
+    return ERROR_FLOOR_PULSES * float(
+        _task_record(sources, task).get("resolution", DEFAULT_RESOLUTION)
+    )
 
 
 def _criteria_of(sources: Sequence[SavedRuns], task: str) -> dict[str, Any]:
-    """What the criteria need to know of a path; runs that were saved without pulses have none, and no vibration."""
+    """What the criteria need to know of a path; runs that were saved without pulses have none, and
+    no vibration.
+    """
     records = [of.record for of in sources if task in of.record["tasks"]]
     return {"floor": _floor(sources, task), "pulses": records[0].get("pulses", {})}
 
@@ -424,7 +501,11 @@ def _is_unstable(result: RunResult, largest: float) -> bool:
 
 
 def _mean(figures: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    return {name: fmean(one[name] for one in figures) for name in figures[0] if all(name in one for one in figures)}
+    return {
+        name: fmean(one[name] for one in figures)
+        for name in figures[0]
+        if all(name in one for one in figures)
+    }
 
 
 def _compare_errors(own: RunGroup, base: RunGroup, about: About) -> BaselineRatio | None:

@@ -1,4 +1,6 @@
-"""Conditions on a comparison: "contour_rms > 1.1x" fails if so, against the baseline or against saved runs."""
+"""Conditions on a comparison: "contour_rms > 1.1x" fails if so, against the baseline or against
+saved runs.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ COMPARISONS: dict[str, Callable[[float, float], bool]] = {
     "<": operator.lt,
     "<=": operator.le,
 }
-GRAMMAR = re.compile(r"\s*([a-z_]+(?:\.[\w-]+)?)\s*(>=|<=|>|<)\s*(\d+(?:\.\d*)?(?:e[+-]?\d+)?)\s*(\S.*?)?\s*")
+GRAMMAR = re.compile(
+    r"\s*([a-z_]+(?:\.[\w-]+)?)\s*(>=|<=|>|<)\s*(\d+(?:\.\d*)?(?:e[+-]?\d+)?)\s*(\S.*?)?\s*"
+)
 HELP = 'write FIGURE > VALUE, as "contour_rms > 1.1x" (times the baseline), "contour_max > 250 um", "torque_peak > 0.9"'
 
 
@@ -36,13 +40,22 @@ NONE_JUDGED = "no setting holds on every ranked path and rig"
 """Said where there is nothing to judge."""
 COUNTS = ("", "full steps")
 """Units of figures that a plain number is compared with."""
-EXAMPLES = {"m": "um", "rad": "mrad", "s": "ms", "m²": "um^2", "rad²": "mrad^2", "m/s³": "m/s^3", "rad/s³": "rad/s^3"}
+EXAMPLES = {
+    "m": "um",
+    "rad": "mrad",
+    "s": "ms",
+    "m²": "um^2",
+    "rad²": "mrad^2",
+    "m/s³": "m/s^3",
+    "rad/s³": "rad/s^3",
+}
 """SI unit -> how one that people use is written in a condition."""
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A figure of a setting on a path, SI, and of the same setting's saved runs: means over `runs` pairs.
+    """A figure of a setting on a path, SI, and of the same setting's saved runs: means over `runs`
+    pairs.
 
     stable  whether the new runs are; the saved ones were
     met     whether the condition holds of it, as it does where the setting is unstable now
@@ -69,7 +82,9 @@ class Change:
         now, before = format_unit(self.value, self.unit), format_unit(self.saved, self.unit)
         many = f"mean of {self.runs} runs" if self.runs > 1 else "1 run"
         end = "" if self.stable else ", and unstable now"
-        ratio = f"{self.figure} {self.ratio:.3g} times the saved ({now}, saved {before}; {many}){end}"
+        ratio = (
+            f"{self.figure} {self.ratio:.3g} times the saved ({now}, saved {before}; {many}){end}"
+        )
         return f"{self.setting.label} on {self.task}: {ratio}"
 
     def as_record(self) -> dict[str, Any]:
@@ -89,7 +104,8 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """A setting on a path by a condition: its value and what that is compared with, SI; `about` says of which runs.
+    """A setting on a path by a condition: its value and what that is compared with, SI; `about`
+    says of which runs.
 
     met  whether the condition holds of it
     """
@@ -138,7 +154,9 @@ class Condition:
             self._refuse_figure(figure.name for figure in FIGURES)
             return
         no: MotionError | None = None
-        for own in ("m", "rad", "") if of.unit == "axis" else ("m", "rad"):  # "": of axes of both kinds
+        for own in (
+            ("m", "rad", "") if of.unit == "axis" else ("m", "rad")
+        ):  # "": of axes of both kinds
             try:
                 self._limit(of.unit.replace("path", own).replace("axis", own).replace("1", ""))
             except MotionError as error:
@@ -149,13 +167,21 @@ class Condition:
             raise no
 
     def check(self, record: Mapping[str, Any]) -> None:
-        """Raise MotionError where runs with this record will have no such figure, or on no task one of such a unit."""
+        """Raise MotionError where runs with this record will have no such figure, or on no task one
+        of such a unit.
+        """
         known = {figure.name for figure in FIGURES} | {
-            f"{figure.name}.{axis}" for figure in FIGURES if figure.per_axis for axis in record["axes"]
+            f"{figure.name}.{axis}"
+            for figure in FIGURES
+            if figure.per_axis
+            for axis in record["axes"]
         }
         if self.figure not in known:
             self._refuse_figure(known)
-        refusals = [self._refuse_unit(figure_unit(self.figure, task, record), task) for task in record["tasks"]]
+        refusals = [
+            self._refuse_unit(figure_unit(self.figure, task, record), task)
+            for task in record["tasks"]
+        ]
         if refusals and all(refusals):
             raise next(filter(None, refusals))
 
@@ -169,33 +195,49 @@ class Condition:
     def list_reasons(self, comparison: Comparison, entry: SettingEntry | None) -> list[str]:
         """Why it holds of a setting, path by path (`judge`); empty where it does not.
 
-        Without a setting that holds everywhere the condition holds, since what is checked is not there.
+        Without a setting that holds everywhere the condition holds, since what is checked is not
+        there.
         """
         judged = find_judged(comparison, entry)
         if judged is None:
             return [f"{self.text}: {NONE_JUDGED}"]
-        return [f"{self.text}: {one.setting} {one}" for one in self.judge(comparison, judged) if one.met]
+        return [
+            f"{self.text}: {one.setting} {one}" for one in self.judge(comparison, judged) if one.met
+        ]
 
     def judge(self, comparison: Comparison, entry: SettingEntry) -> list[Judgement]:
         """A setting by this condition, path by path.
 
-        A ratio is what the verdict is made of: the mean over all rigs and seeds, over the baseline's, on paths that
-        are ranked. A quantity is compared with every run, on every path on which the figure is one of its kind.
+        A ratio is what the verdict is made of: the mean over all rigs and seeds, over the
+        baseline's, on paths that are ranked. A quantity is compared with every run, on every path
+        on which the figure is one of its kind.
         """
         rows = comparison.of(entry)
         if self.unit == "x":
-            return [self._judge_ratio(comparison, entry, row) for row in rows if row.task in comparison.ranked]
-        fitting = [row for row in rows if not self._refuse_unit(comparison.unit(self.figure, row.task), row.task)]
+            return [
+                self._judge_ratio(comparison, entry, row)
+                for row in rows
+                if row.task in comparison.ranked
+            ]
+        fitting = [
+            row
+            for row in rows
+            if not self._refuse_unit(comparison.unit(self.figure, row.task), row.task)
+        ]
         return [self._judge_runs(comparison, entry, row) for row in fitting]
 
-    def _judge_ratio(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> Judgement:
+    def _judge_ratio(
+        self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow
+    ) -> Judgement:
         own, base = (comparison.runs(of, row.task) for of in (entry, comparison.baseline))
         value, mean = self._means(own, base, comparison.criteria_of(row.task))
         times = f"{self.value:g} × the baseline"
         about = f"{times}; mean of {row.runs} runs" if row.runs > 1 else times
         return self._judgement(comparison, entry, row, (value, self.value * mean), about)
 
-    def _judge_runs(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> Judgement:
+    def _judge_runs(
+        self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow
+    ) -> Judgement:
         limit = self._limit(comparison.unit(self.figure, row.task), row.task)
         runs = [(self._value(run.figures), run.cell) for run in comparison.runs(entry, row.task)]
         worst = max if self.compared.startswith(">") else min
@@ -204,17 +246,23 @@ class Condition:
         return self._judgement(comparison, entry, row, (value, limit), about)
 
     def _judgement(
-        self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow, both: tuple[float, float], about: str
+        self,
+        comparison: Comparison,
+        entry: SettingEntry,
+        row: ComparisonRow,
+        both: tuple[float, float],
+        about: str,
     ) -> Judgement:
         unit = comparison.unit(self.figure, row.task)
         met = COMPARISONS[self.compared](*both)
         return Judgement(self, comparison.label(entry), row.task, *both, unit, about, met)
 
     def list_changes(self, comparison: Comparison, saved: Comparison) -> list[Change]:
-        """The figure of every setting over that of its saved runs, the worst first; saved runs are compared alone.
+        """The figure of every setting over that of its saved runs, the worst first; saved runs are
+        compared alone.
 
-        Runs are paired by rig and seed. A path on which the saved runs of a setting are unstable is left out, and so is
-        a pair whose saved run has no such figure: there is nothing to guard.
+        Runs are paired by rig and seed. A path on which the saved runs of a setting are unstable is
+        left out, and so is a pair whose saved run has no such figure: there is nothing to guard.
         """
         changes = [
             change
@@ -225,25 +273,43 @@ class Condition:
         ]
         return sorted(changes, key=lambda one: one.ratio, reverse=self.compared.startswith(">"))
 
-    def _change(self, comparison: Comparison, row: ComparisonRow, saved: Sequence[RunResult]) -> Iterator[Change]:
-        new = {(run.cell.variation.name, run.cell.seed): run for run in comparison.runs(row.entry, row.task)}
+    def _change(
+        self, comparison: Comparison, row: ComparisonRow, saved: Sequence[RunResult]
+    ) -> Iterator[Change]:
+        new = {
+            (run.cell.variation.name, run.cell.seed): run
+            for run in comparison.runs(row.entry, row.task)
+        }
         pairs = [
             (new[key], old)
             for old in saved
-            if (key := (old.cell.variation.name, old.cell.seed)) in new and isfinite(self._value(old.figures))
+            if (key := (old.cell.variation.name, old.cell.seed)) in new
+            and isfinite(self._value(old.figures))
         ]
         if pairs:
             own, base = zip(*pairs, strict=True)
             value, mean = self._means(own, base, comparison.criteria_of(row.task))
             met = not row.stable or COMPARISONS[self.compared](value, self.value * mean)
             unit = comparison.unit(self.figure, row.task)
-            yield Change(row.entry.setting, row.task, self.figure, unit, mean, value, len(pairs), row.stable, met)
+            yield Change(
+                row.entry.setting,
+                row.task,
+                self.figure,
+                unit,
+                mean,
+                value,
+                len(pairs),
+                row.stable,
+                met,
+            )
 
-    def _means(self, own: Sequence[RunResult], base: Sequence[RunResult], about: About) -> tuple[float, float]:
+    def _means(
+        self, own: Sequence[RunResult], base: Sequence[RunResult], about: About
+    ) -> tuple[float, float]:
         """Of runs and of those they are compared with; geometric where all are above 0.
 
-        What makes no difference to the verdict makes none here: a criterion's figure counts as the verdict counts it,
-        another error in space is not told apart below the floor.
+        What makes no difference to the verdict makes none here: a criterion's figure counts as the
+        verdict counts it, another error in space is not told apart below the floor.
         """
         weighed = next((one.value for one in CRITERIA if one.figure == self.figure), None)
         in_space = any(figure.unit == "path" for figure in FIGURES if figure.name == self.figure)
@@ -268,7 +334,10 @@ class Condition:
         return None
 
     def _limit(self, unit: str, task: str = "") -> float:
-        """The value in SI. Raises MotionError unless it has a unit where the figure, of a task, has one."""
+        """The value in SI.
+
+        Raises MotionError unless it has a unit where the figure, of a task, has one.
+        """
         if self.unit == "x" or (self.unit == "" and unit in COUNTS):
             return self.value
         try:
@@ -293,7 +362,10 @@ class Condition:
 
 
 def read_condition(text: str) -> Condition:
-    """The condition of "contour_rms > 1.1x" or "contour_max > 250 um". Raises MotionError for what no runs can meet."""
+    """The condition of "contour_rms > 1.1x" or "contour_max > 250 um".
+
+    Raises MotionError for what no runs can meet.
+    """
     match = GRAMMAR.fullmatch(text)
     if match is None:
         raise MotionError(f'condition "{text}" is not understood: {HELP}')
@@ -304,11 +376,16 @@ def read_condition(text: str) -> Condition:
 
 
 def find_judged(comparison: Comparison, best: SettingEntry | None) -> SettingEntry | None:
-    """The setting that conditions judge: the verdict's best; where the baseline alone was run it is the best there is.
+    """The setting that conditions judge: the verdict's best; where the baseline alone was run it is
+    the best there is.
 
     None where no setting holds on every ranked path and rig.
     """
-    if best is None and comparison.entries == (comparison.baseline,) and not comparison.fault(comparison.baseline):
+    if (
+        best is None
+        and comparison.entries == (comparison.baseline,)
+        and not comparison.fault(comparison.baseline)
+    ):
         return comparison.baseline
     return best
 
@@ -319,7 +396,9 @@ def judge(
     best: SettingEntry | None,
     changes: Mapping[Condition, Sequence[Change]],
 ) -> list[Judgement]:
-    """What a page tells of conditions: the verdict's best setting path by path, and the worst change of saved runs."""
+    """What a page tells of conditions: the verdict's best setting path by path, and the worst
+    change of saved runs.
+    """
     entry, found = find_judged(comparison, best), []
     for one in conditions:
         if one in changes:
@@ -330,35 +409,60 @@ def judge(
 
 
 def describe_unjudged(judged: Sequence[Judgement], comparison: Comparison) -> list[str]:
-    """A sentence for each quantity on the paths where its figure is of another kind, as an angle."""
+    """A sentence for each quantity on the paths where its figure is of another kind, as an
+    angle.
+    """
     told = []
     for condition in dict.fromkeys(one.condition for one in judged if one.condition.unit != "x"):
         seen = {one.task for one in judged if one.condition == condition}
         if left := [task for task in comparison.tasks if task not in seen]:
-            units = {HUMAN.get(unit := comparison.unit(condition.figure, task), (unit,))[0] for task in left}
+            units = {
+                HUMAN.get(unit := comparison.unit(condition.figure, task), (unit,))[0]
+                for task in left
+            }
             kind = f"where {condition.figure} is in {', '.join(sorted(units))}"
             told.append(f"not judged on {', '.join(left)}, {kind}: {condition.text}")
     return told
 
 
 def _judge_change(condition: Condition, changes: Sequence[Change]) -> Judgement:
-    """The worst of all settings against their saved runs, the first that the condition holds of before others."""
+    """The worst of all settings against their saved runs, the first that the condition holds of
+    before others.
+    """
     worst = next((each for each in changes if each.met), changes[0])
     met = sum(each.met for each in changes)
-    about = f"{condition.value:g} × its saved runs; the worst of {len(changes)}, of which {met} fail"
+    about = (
+        f"{condition.value:g} × its saved runs; the worst of {len(changes)}, of which {met} fail"
+    )
     limit = condition.value * worst.saved
-    return Judgement(condition, worst.setting.label, worst.task, worst.value, limit, worst.unit, about, met=worst.met)
+    return Judgement(
+        condition,
+        worst.setting.label,
+        worst.task,
+        worst.value,
+        limit,
+        worst.unit,
+        about,
+        met=worst.met,
+    )
 
 
-def guard(comparison: Comparison, saved: Comparison, conditions: Sequence[Condition]) -> dict[Condition, list[Change]]:
-    """Every setting against its own saved runs, by the conditions that are ratios; contour error where there is none.
+def guard(
+    comparison: Comparison, saved: Comparison, conditions: Sequence[Condition]
+) -> dict[Condition, list[Change]]:
+    """Every setting against its own saved runs, by the conditions that are ratios; contour error
+    where there is none.
 
     Raises MotionError where no setting was run on a path on which its saved runs are stable.
     """
     ratios = [one for one in conditions if one.unit == "x"] or [Condition("", RANK, ">", inf, "x")]
     changes = {one: one.list_changes(comparison, saved) for one in ratios}
     if not all(changes.values()):
-        known = ", ".join(dict.fromkeys(f"{row.entry.setting.text} on {row.task}" for row in saved.rows if row.stable))
+        known = ", ".join(
+            dict.fromkeys(
+                f"{row.entry.setting.text} on {row.task}" for row in saved.rows if row.stable
+            )
+        )
         name = saved.sources[0].name
         raise MotionError(
             f"compare: nothing that was run has stable saved runs in {name}; they are of {known or 'none'}"

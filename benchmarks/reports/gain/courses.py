@@ -1,4 +1,5 @@
-"""How the runs that a report shows went over time, what their paths are, and their ISO-style figures.
+"""How the runs that a report shows went over time, what their paths are, and their ISO-style
+figures.
 
 The runs are saved ones. The cycles are those of the rig as stated, one for each seed.
 """
@@ -29,17 +30,25 @@ CIRCLE_TOLERANCE_SHARE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class SettingSeries:
-    """The series of some settings on the rig as stated, with the first seed; those that failed there are missing."""
+    """The series of some settings on the rig as stated, with the first seed; those that failed
+    there are missing.
+    """
 
     entries: tuple[SettingEntry, ...]
     series: Mapping[tuple[SettingEntry, str], RunSeries]
 
     def select_task(self, task: str) -> list[tuple[SettingEntry, RunSeries]]:
-        return [(entry, self.series[entry, task]) for entry in self.entries if (entry, task) in self.series]
+        return [
+            (entry, self.series[entry, task])
+            for entry in self.entries
+            if (entry, task) in self.series
+        ]
 
 
 def select_series(comparison: Comparison, verdict: Verdict) -> SettingSeries:
-    """Of the baseline, the best, that of the least error, and the best setting of each of the next best laws."""
+    """Of the baseline, the best, that of the least error, and the best setting of each of the next
+    best laws.
+    """
     named = (comparison.baseline, verdict.best, verdict.least)
     chosen = list(dict.fromkeys(entry for entry in named if entry is not None))
     laws = {entry.setting.law for entry in chosen}
@@ -55,7 +64,9 @@ def select_series(comparison: Comparison, verdict: Verdict) -> SettingSeries:
     return SettingSeries(tuple(chosen), found)
 
 
-def collect_series(comparison: Comparison, entry: SettingEntry) -> dict[tuple[str, str, int], RunSeries]:
+def collect_series(
+    comparison: Comparison, entry: SettingEntry
+) -> dict[tuple[str, str, int], RunSeries]:
     """The series of all runs of a setting that did not fail, by path, rig and seed."""
     source, found = comparison.sources[entry.source], {}
     for key, result in source.results.items():
@@ -68,7 +79,9 @@ def collect_series(comparison: Comparison, entry: SettingEntry) -> dict[tuple[st
 
 
 def path_offsets(series: RunSeries) -> Array:
-    """(N, d) from the nearest point of the path, among those planned within half a second, to the actual one."""
+    """(N, d) from the nearest point of the path, among those planned within half a second, to the
+    actual one.
+    """
     planned, actual = series.planned, series.actual
     step = max(float(series.t[1] - series.t[0]), 1e-9)
     reach = int(0.5 / step)
@@ -85,14 +98,21 @@ def path_offsets(series: RunSeries) -> Array:
 
 
 def fit_circle(series: RunSeries) -> Circle | None:
-    """The full circle that a planned path in space is, its normal by the right hand; None of any other path."""
+    """The full circle that a planned path in space is, its normal by the right hand; None of any
+    other path.
+    """
     points = series.planned
     middle = points.mean(0)
     _, size, axes = np.linalg.svd(points - middle, full_matrices=False)
-    if size[1] <= CIRCLE_TOLERANCE_SHARE * size[0] or size[2] > 10 * CIRCLE_TOLERANCE_SHARE * size[0]:
+    if (
+        size[1] <= CIRCLE_TOLERANCE_SHARE * size[0]
+        or size[2] > 10 * CIRCLE_TOLERANCE_SHARE * size[0]
+    ):
         return None
     flat = (points - middle) @ axes[:2].T
-    solved = np.linalg.lstsq(np.column_stack([2 * flat, np.ones(len(flat))]), (flat**2).sum(1), rcond=None)[0]
+    solved = np.linalg.lstsq(
+        np.column_stack([2 * flat, np.ones(len(flat))]), (flat**2).sum(1), rcond=None
+    )[0]
     radius = float(np.sqrt(solved[2] + solved[:2] @ solved[:2]))
     arms = flat - solved[:2]
     off = np.abs(np.linalg.norm(arms, axis=1) - radius).max()
@@ -102,7 +122,8 @@ def fit_circle(series: RunSeries) -> Circle | None:
     centre = middle + solved[:2] @ axes[:2]
     quarter = len(points) // 8
     normal = sum(
-        np.cross(points[k] - centre, points[k + 1] - centre) for k in range(0, len(points) - 1, max(quarter // 8, 1))
+        np.cross(points[k] - centre, points[k + 1] - centre)
+        for k in range(0, len(points) - 1, max(quarter // 8, 1))
     )
     speed = np.linalg.norm(np.diff(points, axis=0), axis=1).max() / (series.t[1] - series.t[0])
     return Circle(centre, np.asarray(normal), radius, float(speed))
@@ -130,7 +151,9 @@ class IsoRow:
 
 @dataclass(frozen=True, slots=True)
 class CirclePair:
-    """A setting on a circle and its reverse, named by their paths; test: None where there is none, note: why."""
+    """A setting on a circle and its reverse, named by their paths; test: None where there is none,
+    note: why.
+    """
 
     entry: SettingEntry
     paths: str
@@ -148,7 +171,9 @@ class IsoBlock:
 
 
 def iso_block(comparison: Comparison, entries: Sequence[SettingEntry]) -> IsoBlock:
-    """Path and pose accuracy and repeatability of each setting, and circular tests where a circle is run both ways."""
+    """Path and pose accuracy and repeatability of each setting, and circular tests where a circle
+    is run both ways.
+    """
     all_runs = {entry: collect_series(comparison, entry) for entry in entries}
     lines = [
         _iso_row(entry, task, select_cycles(runs, task))
@@ -196,7 +221,9 @@ def _iso_row(entry: SettingEntry, task: str, runs: Sequence[RunSeries]) -> IsoRo
     if len(runs) > 1:
         return IsoRow(entry, task, values, count_noun(len(runs), "cycle"))
     accuracies = {name: value for name, value in values.items() if "accuracy" in name}
-    return IsoRow(entry, task, accuracies, "1 run: nothing in it is random, so that it repeats exactly")
+    return IsoRow(
+        entry, task, accuracies, "1 run: nothing in it is random, so that it repeats exactly"
+    )
 
 
 def _choose_stations(series: RunSeries) -> Stations:
@@ -216,16 +243,27 @@ def _find_circle_pairs(
 ) -> Iterator[CirclePair]:
     """Of each setting all pairs of circles that are one another's reverse."""
     planned = {task: series for (_, task), series in nominal.items()}
-    round_ = {task: circle for task, series in planned.items() if (circle := fit_circle(series)) is not None}
+    round_ = {
+        task: circle
+        for task, series in planned.items()
+        if (circle := fit_circle(series)) is not None
+    }
     for (task, circle), (other, back) in combinations(round_.items(), 2):
         near = np.linalg.norm(circle.centre - back.centre) < 1e-3 * circle.radius
-        if near and abs(circle.radius / back.radius - 1) < 1e-3 and circle.normal @ back.normal < -0.999:
+        if (
+            near
+            and abs(circle.radius / back.radius - 1) < 1e-3
+            and circle.normal @ back.normal < -0.999
+        ):
             for entry in entries:
                 yield _test_circle_pair(entry, (task, other), circle, nominal)
 
 
 def _test_circle_pair(
-    entry: SettingEntry, tasks: tuple[str, str], circle: Circle, nominal: Mapping[tuple[SettingEntry, str], RunSeries]
+    entry: SettingEntry,
+    tasks: tuple[str, str],
+    circle: Circle,
+    nominal: Mapping[tuple[SettingEntry, str], RunSeries],
 ) -> CirclePair:
     paths = ", ".join(tasks)
     try:

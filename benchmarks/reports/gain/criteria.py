@@ -1,4 +1,6 @@
-"""What a verdict weighs: what a user of a machine would look at, each against the baseline, in units people read."""
+"""What a verdict weighs: what a user of a machine would look at, each against the baseline, in
+units people read.
+"""
 
 from __future__ import annotations
 
@@ -44,14 +46,20 @@ def number(value: float, unit: str) -> str:
 
 Figures = Mapping[str, float]
 About = Mapping[str, Any]
-"""Of a path: its "floor", m or rad, below which errors are not told apart, and "pulses", m or rad, of every axis."""
+"""Of a path: its "floor", m or rad, below which errors are not told apart, and "pulses", m or rad,
+of every axis.
+"""
 
 QUANTIZED = 0.3
-"""Pulses RMS: what rounding to whole pulses alone shakes a shaft by, 1/√12; less is no difference."""
+"""Pulses RMS: what rounding to whole pulses alone shakes a shaft by, 1/√12; less is no
+difference.
+"""
 LEAST_TORQUE = 0.01
 """Of the torque limit, RMS."""
 MIN_LATE, MAX_LATE = 0.01, 0.5
-"""s after the planned end: sooner is no difference, and a record ends so late that is off its goal to the end."""
+"""s after the planned end: sooner is no difference, and a record ends so late that is off its goal
+to the end.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +83,9 @@ class Criterion:
     most: float = inf
 
     def value(self, figures: Figures, about: About) -> float | None:
-        """Return the value that counts, between floor and most; None where the run has no such figure."""
+        """Return the value that counts, between floor and most; None where the run has no such
+        figure.
+        """
         measured = self.measure(figures, about)
         return None if measured is None else min(max(measured, self.floor(about)), self.most)
 
@@ -92,7 +102,9 @@ def _vibration(figures: Figures, about: About) -> float | None:
     """Return the RMS of the shaft that shakes most, in its pulses."""
     pulses = about["pulses"]
     named = {axis: f"vibration_power.{axis}" for axis in pulses}
-    powers = [figures[named[axis]] / pulse**2 for axis, pulse in pulses.items() if named[axis] in figures]
+    powers = [
+        figures[named[axis]] / pulse**2 for axis, pulse in pulses.items() if named[axis] in figures
+    ]
     return sqrt(max(powers)) if powers else None
 
 
@@ -101,8 +113,12 @@ def _show_late(value: float, _: str) -> str:
 
 
 CRITERIA = (
-    Criterion("contour error", 0.4, "contour_rms", _figure("contour_rms"), _error_floor, format_unit),
-    Criterion("tracking error", 0.2, "tracking_rms", _figure("tracking_rms"), _error_floor, format_unit),
+    Criterion(
+        "contour error", 0.4, "contour_rms", _figure("contour_rms"), _error_floor, format_unit
+    ),
+    Criterion(
+        "tracking error", 0.2, "tracking_rms", _figure("tracking_rms"), _error_floor, format_unit
+    ),
     Criterion(
         "vibration",
         0.2,
@@ -126,12 +142,16 @@ TRADE_RATIO = 1.25
 
 
 def compare_figures(own: Figures, base: Figures, about: About) -> dict[str, float]:
-    """Return the ratio of a run to the baseline's by each criterion that both have, as it counts."""
+    """Return the ratio of a run to the baseline's by each criterion that both have, as it
+    counts.
+    """
     return _divide(own, base, about, lambda one: one.value)
 
 
 def measure_ratios(own: Figures, base: Figures, about: About) -> dict[str, float]:
-    """Return the ratios of the measured values, also below the floors, of criteria where both are above zero."""
+    """Return the ratios of the measured values, also below the floors, of criteria where both are
+    above zero.
+    """
     return _divide(own, base, about, lambda one: one.measure)
 
 
@@ -167,10 +187,14 @@ def mean_of(ratios: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def weigh(ratios: Mapping[str, float]) -> float:
-    """The weighed ratio to the baseline, exp(Σ w ln r / Σ w) over the criteria there are; below 1 is better."""
+    """The weighed ratio to the baseline, exp(Σ w ln r / Σ w) over the criteria there are; below 1
+    is better.
+    """
     present = [one for one in CRITERIA if one.name in ratios and isfinite(ratios[one.name])]
     total = sum(one.weight for one in present)
-    return exp(sum(one.weight * log(ratios[one.name]) for one in present) / total) if present else 1.0
+    return (
+        exp(sum(one.weight * log(ratios[one.name]) for one in present) / total) if present else 1.0
+    )
 
 
 def weights_text() -> str:

@@ -1,4 +1,6 @@
-"""The gain report: one HTML page that holds everything it shows, and the same as plain data: compare.json, runs.csv."""
+"""The gain report: one HTML page that holds everything it shows, and the same as plain data:
+compare.json, runs.csv.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,14 @@ from benchmarks.reports.gain.comparison import (
 )
 from benchmarks.reports.gain.condition import Change, Judgement, describe_unjudged
 from benchmarks.reports.gain.courses import ISO, IsoBlock, iso_block, select_series
-from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, floors_text, format_unit, number, weigh
+from benchmarks.reports.gain.criteria import (
+    CRITERIA,
+    HUMAN,
+    floors_text,
+    format_unit,
+    number,
+    weigh,
+)
 from benchmarks.reports.gain.laws_outcome import LawOutcome, find_outcomes, outcome_record
 from benchmarks.reports.gain.run_figures import MOST_BEST, draw, list_best
 from benchmarks.reports.gain.setting_figures import pack_places
@@ -73,7 +82,10 @@ def gain_report(
         baseline=comparison.label(comparison.baseline),
         tasks=comparison.tasks,
         figure_names=COLUMNS,
-        sections=[(task, list(_cells(comparison, task)), _units(comparison, task)) for task in comparison.tasks],
+        sections=[
+            (task, list(_cells(comparison, task)), _units(comparison, task))
+            for task in comparison.tasks
+        ],
         marks=MARKS,
         provenance=list(_provenance(comparison)),
         iso=list(_iso_rows(comparison, iso)),
@@ -103,9 +115,19 @@ def gain_report(
 
 
 def _judged_row(one: Judgement) -> tuple[str, ...]:
-    """Condition, setting, path, its value, what that is compared with, of which runs, and what comes out."""
+    """Condition, setting, path, its value, what that is compared with, of which runs, and what
+    comes out.
+    """
     value, limit = (format_unit(each, one.unit) for each in (one.value, one.limit))
-    return (one.condition.text, one.setting, one.task, value, limit, one.about, "FAILS" if one.met else "passes")
+    return (
+        one.condition.text,
+        one.setting,
+        one.task,
+        value,
+        limit,
+        one.about,
+        "FAILS" if one.met else "passes",
+    )
 
 
 def _change_row(change: Change) -> tuple[str, ...]:
@@ -144,7 +166,9 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
             else "…".join(_format_above_floor(value, floor, unit) for value in row.spread),
             "figures": [
                 _format_above_floor(
-                    row.figures[name], floor if name.startswith("contour") else -inf, comparison.unit(name, task)
+                    row.figures[name],
+                    floor if name.startswith("contour") else -inf,
+                    comparison.unit(name, task),
                 )
                 if name in row.figures
                 else "–"
@@ -160,7 +184,8 @@ def _error_units(comparison: Comparison) -> list[str]:
 
 
 def _list_errors(comparison: Comparison, entry: SettingEntry) -> list[str]:
-    """For each unit of `_error_units` the RMS contour errors from the least path to the largest, and the largest error.
+    """For each unit of `_error_units` the RMS contour errors from the least path to the largest,
+    and the largest error.
 
     The RMS is that on the rig as stated, the largest that of all runs on ranked paths.
     """
@@ -172,17 +197,23 @@ def _list_errors(comparison: Comparison, entry: SettingEntry) -> list[str]:
         errors = [row.figures[RANK] for row in rows if RANK in row.figures]
         runs = [run.figures for row in rows for run in comparison.runs(entry, row.task)]
         largest = max((figures.get(LARGEST, inf) for figures in runs), default=nan)
-        ends = [_format_above_floor(each, floor, unit) for each in sorted({min(errors), max(errors)})] if errors else []
+        ends = (
+            [_format_above_floor(each, floor, unit) for each in sorted({min(errors), max(errors)})]
+            if errors
+            else []
+        )
         cells += ["…".join(dict.fromkeys(ends)) or "–", _format_above_floor(largest, floor, unit)]
     return cells
 
 
 def _weigh_entries(comparison: Comparison) -> Iterator[tuple[int, str, str, list[str], list[str]]]:
-    """Rank, setting, its weighed ratio to the baseline, its errors (`_list_errors`) and its ratio by each criterion.
+    """Rank, setting, its weighed ratio to the baseline, its errors (`_list_errors`) and its ratio
+    by each criterion.
 
     Of those that hold, the best first.
 
-    Settings of a law that come out alike share a row. The baseline stands where its ratio of 1 puts it, with rank 0.
+    Settings of a law that come out alike share a row. The baseline stands where its ratio of 1 puts
+    it, with rank 0.
     """
     ranked = comparison.rank_alike()
     better = sum(comparison.score(entry) < 1 for entry, *_ in ranked)
@@ -207,7 +238,9 @@ def _list_floors(comparison: Comparison) -> str:
 
 
 def _show_criterion(comparison: Comparison, entry: SettingEntry, name: str) -> str:
-    """Return the measured ratio by a criterion, and in parentheses what counts of it, where that differs."""
+    """Return the measured ratio by a criterion, and in parentheses what counts of it, where that
+    differs.
+    """
     counted = comparison.ratios(entry).get(name)
     if counted is None:
         return "–"
@@ -218,11 +251,21 @@ def _show_criterion(comparison: Comparison, entry: SettingEntry, name: str) -> s
 
 def _weigh_baseline(comparison: Comparison) -> tuple[int, str, str, list[str], list[str]]:
     base = comparison.baseline
-    return 0, comparison.label(base), _ratio(1.0), _list_errors(comparison, base), [_ratio(1.0)] * len(CRITERIA)
+    return (
+        0,
+        comparison.label(base),
+        _ratio(1.0),
+        _list_errors(comparison, base),
+        [_ratio(1.0)] * len(CRITERIA),
+    )
 
 
-def _outcome_row(comparison: Comparison, one: LawOutcome) -> tuple[str, str, str, str, list[str], str]:
-    """Law, how many of its settings hold, the best of them, its weighed ratio and its errors, why others are out."""
+def _outcome_row(
+    comparison: Comparison, one: LawOutcome
+) -> tuple[str, str, str, str, list[str], str]:
+    """Law, how many of its settings hold, the best of them, its weighed ratio and its errors, why
+    others are out.
+    """
     best = "none" if one.best is None else comparison.label(one.best)
     baseline = " (baseline)" if one.best == comparison.baseline else ""
     left = ", ".join(f"{count} {why}" for why, count in one.faults.items())
@@ -238,7 +281,9 @@ def _outcome_row(comparison: Comparison, one: LawOutcome) -> tuple[str, str, str
 
 def _format_above_floor(value: float, floor: float, unit: str) -> str:
     """A value without its unit; one below the floor is not told apart from it."""
-    return number(value, unit) if value >= floor else f"<{floor * HUMAN.get(unit, (unit, 1.0))[1]:.2g}"
+    return (
+        number(value, unit) if value >= floor else f"<{floor * HUMAN.get(unit, (unit, 1.0))[1]:.2g}"
+    )
 
 
 def _ratio(value: float) -> str:
@@ -305,13 +350,23 @@ def _circle_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[list[str]]:
                 min(test.ccw.radial_min, test.cw.radial_min),
                 test.mean_radial,
             )
-        yield [about, comparison.label(turns.entry), *(number(value, "m") for value in named), turns.note]
+        yield [
+            about,
+            comparison.label(turns.entry),
+            *(number(value, "m") for value in named),
+            turns.note,
+        ]
 
 
 def comparison_record(
-    comparison: Comparison, verdict: Verdict, changes: Sequence[Change] = (), judged: Sequence[Judgement] = ()
+    comparison: Comparison,
+    verdict: Verdict,
+    changes: Sequence[Change] = (),
+    judged: Sequence[Judgement] = (),
 ) -> dict[str, Any]:
-    """The verdict, every row of the table, and how the runs were made; null for what is infinite or not known."""
+    """The verdict, every row of the table, and how the runs were made; null for what is infinite or
+    not known.
+    """
     return {
         "baseline": _entry(comparison, comparison.baseline),
         "verdict": {
@@ -321,9 +376,16 @@ def comparison_record(
             "ratios": dict(verdict.ratios),
             "measured_ratios": {} if verdict.best is None else comparison.measured(verdict.best),
             "ratio": finite_or_none(verdict.ratio),
-            "least_contour_error": None if verdict.least is None else _entry(comparison, verdict.least),
+            "least_contour_error": None
+            if verdict.least is None
+            else _entry(comparison, verdict.least),
             "margins": [
-                {"gain": one.gain, "value": one.value, "unstable_from": one.edge, "tried_up_to": one.up_to}
+                {
+                    "gain": one.gain,
+                    "value": one.value,
+                    "unstable_from": one.edge,
+                    "tried_up_to": one.up_to,
+                }
                 for one in verdict.margins
             ],
             "laws": [outcome_record(one) for one in find_outcomes(comparison)],
@@ -353,13 +415,19 @@ def comparison_record(
 
 
 def runs_csv(comparison: Comparison) -> str:
-    """A line for each run: its law, a column for each gain, figures (`controllers.metrics.FIGURES`), its failure."""
-    every = [(source, result) for source in comparison.sources for result in source.results.values()]
+    """A line for each run: its law, a column for each gain, figures
+    (`controllers.metrics.FIGURES`), its failure.
+    """
+    every = [
+        (source, result) for source in comparison.sources for result in source.results.values()
+    ]
     names = list(dict.fromkeys(name for _, result in every for name in result.figures))
     text = StringIO()
     table = csv.writer(text, lineterminator="\n")
     settings = setting_columns([result.cell.setting for _, result in every])
-    table.writerow(["runs", *(column.name for column in settings), "path", "rig", "seed", "failure", *names])
+    table.writerow(
+        ["runs", *(column.name for column in settings), "path", "rig", "seed", "failure", *names]
+    )
     for n, (source, result) in enumerate(every):
         cell = result.cell
         what: Iterable[object] = (source.name, *(column.values[n] for column in settings))
@@ -370,13 +438,22 @@ def runs_csv(comparison: Comparison) -> str:
 
 def _entry(comparison: Comparison, entry: SettingEntry) -> dict[str, Any]:
     setting = entry.setting
-    return {"runs_of": comparison.sources[entry.source].name, "law": setting.law, "gains": dict(setting.gains)}
+    return {
+        "runs_of": comparison.sources[entry.source].name,
+        "law": setting.law,
+        "gains": dict(setting.gains),
+    }
 
 
 def _ratio_record(against: BaselineRatio | None) -> dict[str, Any] | None:
     if against is None:
         return None
-    ratios = {"ratio": against.ratio, "least": against.least, "largest": against.largest, "mark": against.mark}
+    ratios = {
+        "ratio": against.ratio,
+        "least": against.least,
+        "largest": against.largest,
+        "mark": against.mark,
+    }
     return {**ratios, "weighed": weigh(against.ratios), "by_criterion": dict(against.ratios)}
 
 

@@ -1,4 +1,6 @@
-"""What became of each law in a comparison: its best setting, or why it has none; and what the rig lets a law do."""
+"""What became of each law in a comparison: its best setting, or why it has none; and what the rig
+lets a law do.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ FULL_TORQUE = 1.0
 
 @dataclass(frozen=True, slots=True)
 class LawOutcome:
-    """A law in a comparison: of how many settings, how many hold, the best of them, and why the others do not.
+    """A law in a comparison: of how many settings, how many hold, the best of them, and why the
+    others do not.
 
     best   the baseline too, where it is the best of its law; None where none holds
     faults how many settings each fault strikes out
@@ -38,7 +41,11 @@ class LawOutcome:
         """ "closed-error: none of 8 settings holds (8 failed or unstable on circle)"."""
         faults = ", ".join(f"{count} {why}" for why, count in self.faults.items())
         if self.best is None:
-            holds = "its setting does not hold" if self.settings == 1 else f"none of {self.settings} settings holds"
+            holds = (
+                "its setting does not hold"
+                if self.settings == 1
+                else f"none of {self.settings} settings holds"
+            )
             return f"{self.law}: {holds} ({faults})"
         of = "" if self.settings == 1 else f", best of {self.settings}"
         left = f" ({faults})" if faults else ""
@@ -60,7 +67,11 @@ def find_outcomes(comparison: Comparison) -> list[LawOutcome]:
         best = min(score, key=score.__getitem__, default=None)
         if best is not None and base in score and score[best] >= 1 - SAME_RATIO:
             best = base
-        found.append(LawOutcome(law, len(own), len(score), best, inf if best is None else score[best], faults))
+        found.append(
+            LawOutcome(
+                law, len(own), len(score), best, inf if best is None else score[best], faults
+            )
+        )
     return sorted(found, key=lambda one: one.score)
 
 
@@ -87,7 +98,11 @@ def outcome_record(one: LawOutcome) -> dict[str, Any]:
 def describe_feedback(comparison: Comparison) -> list[str]:
     """That laws which close a loop were run where there is nothing to close it by."""
     laws = list(dict.fromkeys(entry.setting.law for entry in comparison.entries))
-    blind = [source for source in comparison.sources if not all(drive["encoder"] for drive in _list_drives(source))]
+    blind = [
+        source
+        for source in comparison.sources
+        if not all(drive["encoder"] for drive in _list_drives(source))
+    ]
     return describe_blind(laws, list(dict.fromkeys(source.record["rig"] for source in blind)))
 
 
@@ -103,7 +118,9 @@ def describe_blind(laws: Sequence[str], rigs: Sequence[str]) -> list[str]:
 
 def describe_overload(comparison: Comparison, entry: SettingEntry) -> list[str]:
     """That a setting asks steppers for more torque than they have, which loses steps."""
-    if not any(drive["kind"] == STEPPER for drive in _list_drives(comparison.sources[entry.source])):
+    if not any(
+        drive["kind"] == STEPPER for drive in _list_drives(comparison.sources[entry.source])
+    ):
         return []
     runs = [one for row in comparison.of(entry) for one in comparison.runs(entry, row.task)]
     over = [one for one in runs if one.figures.get("torque_peak", 0.0) > FULL_TORQUE]
@@ -111,7 +128,11 @@ def describe_overload(comparison: Comparison, entry: SettingEntry) -> list[str]:
         return []
     worst = max(over, key=lambda one: one.figures["torque_peak"])
     lost = max(one.figures.get("lost_steps", 0.0) for one in over)
-    kept = f"{lost:g} full steps were lost here" if lost else "none was lost here, and a real one has less in hand"
+    kept = (
+        f"{lost:g} full steps were lost here"
+        if lost
+        else "none was lost here, and a real one has less in hand"
+    )
     return [
         f"WARNING: it takes up to {100 * worst.figures['torque_peak']:.3g} % of the torque of its steppers, on "
         f"{worst.cell.task} ({worst.cell.variation.name}), more than they have in {len(over)} of "

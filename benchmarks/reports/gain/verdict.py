@@ -10,7 +10,11 @@ from typing import TYPE_CHECKING
 
 from benchmarks.reports.gain.comparison import RANK, SAME_RATIO, Comparison, SettingEntry, is_away
 from benchmarks.reports.gain.criteria import CRITERIA, TRADE_RATIO, format_unit, weights_text
-from benchmarks.reports.gain.laws_outcome import describe_feedback, describe_outcomes, describe_overload
+from benchmarks.reports.gain.laws_outcome import (
+    describe_feedback,
+    describe_outcomes,
+    describe_overload,
+)
 from benchmarks.sweep import Setting, settings_of
 from controllers.metrics.metrics import END_BAND
 from kinematics.foundation.names import count_noun, presets
@@ -26,7 +30,8 @@ if TYPE_CHECKING:
 class Margin:
     """How far one gain may rise until the law is unstable on some path or rig of the sweep.
 
-    edge  the lowest value above the setting's own that is unstable; None where none was tried that is
+    edge  the lowest value above the setting's own that is unstable; None where none was tried that
+          is
     up_to the highest value tried
     """
 
@@ -43,20 +48,27 @@ class Margin:
                 rise = f"×{self.edge / self.value:.3g}"
             return f"{name} may rise {rise} until {self.edge:g}, the lowest value found unstable"
         if self.up_to > self.value:
-            rise = f" (×{self.up_to / self.value:.3g})" if self.value > 0 else f" (from {self.value:g})"
+            rise = (
+                f" (×{self.up_to / self.value:.3g})"
+                if self.value > 0
+                else f" (from {self.value:g})"
+            )
             return f"{name} stays stable up to {self.up_to:g}{rise}, the highest value tried"
         return f"{name} {self.value:g} is the highest value tried, so its margin is not known"
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict(Result):
-    """The best setting other than the baseline, by all criteria weighed; None where none holds (`Comparison.fault`).
+    """The best setting other than the baseline, by all criteria weighed; None where none holds
+    (`Comparison.fault`).
 
     ratio   of its RMS contour error to the baseline's: geometric mean over paths, rigs and seeds
     score   its weighed ratio to the baseline
     ratios  of it to the baseline, by criterion
-    least   the setting of the least RMS contour error, whatever that costs; the best one, or another
-    told    sentences: which is the best, then what it gains and costs, what was left out, and how sure that is
+    least   the setting of the least RMS contour error, whatever that costs; the best one, or
+            another
+    told    sentences: which is the best, then what it gains and costs, what was left out, and how
+            sure that is
     """
 
     best: SettingEntry | None
@@ -73,27 +85,43 @@ class Verdict(Result):
         return " ".join(self.told)
 
     def tables(self) -> tuple[Table, ...]:
-        """The best setting and, below, what it gains and costs; how far each of its gains may rise."""
+        """The best setting and, below, what it gains and costs; how far each of its gains may
+        rise.
+        """
         best = (
-            Column("best setting", [None if self.best is None else self.best.setting.text], words={"None": "none"}),
+            Column(
+                "best setting",
+                [None if self.best is None else self.best.setting.text],
+                words={"None": "none"},
+            ),
             Column("weighed ratio to the baseline", [self.score], form=".3f"),
             Column("RMS contour error over the baseline's", [self.ratio], form=".3f"),
         )
         margins = (
             Column("gain", [margin.gain for margin in self.margins]),
             Column("value", [margin.value for margin in self.margins]),
-            Column("unstable from", [margin.edge for margin in self.margins], words={"None": "none tried"}),
+            Column(
+                "unstable from",
+                [margin.edge for margin in self.margins],
+                words={"None": "none tried"},
+            ),
             Column("tried up to", [margin.up_to for margin in self.margins]),
         )
         first = Table("verdict", best, self.told)
         return (first, Table("margins", margins)) if self.margins else (first,)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """How many times its value each gain may have: to where it is unstable, or to the highest that was tried."""
+        """How many times its value each gain may have: to where it is unstable, or to the highest
+        that was tried.
+        """
         from kinematics.foundation.figure import draw_bars
 
         ends = [margin.up_to if margin.edge is None else margin.edge for margin in self.margins]
-        pairs = [(margin, end) for margin, end in zip(self.margins, ends, strict=True) if margin.value > 0]
+        pairs = [
+            (margin, end)
+            for margin, end in zip(self.margins, ends, strict=True)
+            if margin.value > 0
+        ]
         named = [f"{one.gain}{', tried' if one.edge is None else ', unstable'}" for one, _ in pairs]
         shares = [end / margin.value for margin, end in pairs]
         return draw_bars(named, shares, "times the gain", ax, 1.0)
@@ -112,7 +140,8 @@ def gain_block(setting: Setting) -> str:
 
 @check_arguments()
 def verdict_of(comparison: Comparison) -> Verdict:
-    """Find the best setting that holds (`Comparison.fault`), weighed by `criteria`, with its gains and costs.
+    """Find the best setting that holds (`Comparison.fault`), weighed by `criteria`, with its gains
+    and costs.
 
     Where another setting has the least contour error it is named, with what it pays for that.
 
@@ -130,12 +159,23 @@ def verdict_of(comparison: Comparison) -> Verdict:
     ranked = comparison.rank()
     name = comparison.label(comparison.baseline)
     if not ranked:
-        why = "no other setting was run" if not others else "no other setting holds on every ranked path and rig"
+        why = (
+            "no other setting was run"
+            if not others
+            else "no other setting holds on every ranked path and rig"
+        )
         why = why if comparison.ranked else "no path ranks settings"
-        pieces = [f"The baseline {name} is not compared: {why}.", *_describe_faults(comparison, others)]
+        pieces = [
+            f"The baseline {name} is not compared: {why}.",
+            *_describe_faults(comparison, others),
+        ]
         pieces += [*describe_feedback(comparison), *describe_outcomes(comparison)]
-        pieces += [_describe_setting(comparison, entry) for entry in comparison.entries[:MAX_DESCRIBED]]
-        return Verdict(None, inf, (), (*pieces, *describe_unranked(comparison), *_describe_laws(comparison)))
+        pieces += [
+            _describe_setting(comparison, entry) for entry in comparison.entries[:MAX_DESCRIBED]
+        ]
+        return Verdict(
+            None, inf, (), (*pieces, *describe_unranked(comparison), *_describe_laws(comparison))
+        )
     best, least = ranked[0], min(ranked, key=comparison.mean_ratio)
     if least in comparison.rank_alike()[0]:
         least = best
@@ -156,7 +196,9 @@ def _describe_faults(comparison: Comparison, others: Sequence[SettingEntry]) -> 
 
 
 def _costs(comparison: Comparison, entry: SettingEntry) -> str:
-    """By which criteria a setting is much worse than the baseline, by how much, and what it comes to where most."""
+    """By which criteria a setting is much worse than the baseline, by how much, and what it comes
+    to where most.
+    """
     told = []
     for one in CRITERIA:
         ratio = comparison.ratios(entry).get(one.name, 1.0)
@@ -165,7 +207,8 @@ def _costs(comparison: Comparison, entry: SettingEntry) -> str:
         values = [
             (own / base, own, base, row.task)
             for row in comparison.of(entry)
-            if row.task in comparison.ranked and (other := comparison.row(comparison.baseline, row.task))
+            if row.task in comparison.ranked
+            and (other := comparison.row(comparison.baseline, row.task))
             for about in [comparison.criteria_of(row.task)]
             for own, base in [(one.value(row.figures, about), one.value(other.figures, about))]
             if own is not None and base is not None
@@ -180,7 +223,9 @@ def _costs(comparison: Comparison, entry: SettingEntry) -> str:
 
 
 def describe_unranked(comparison: Comparison) -> list[str]:
-    """Say of each path that does not count why, and how many settings failed or were unstable there."""
+    """Say of each path that does not count why, and how many settings failed or were unstable
+    there.
+    """
     sentences = []
     for task in comparison.tasks:
         if task in comparison.ranked:
@@ -199,7 +244,8 @@ def _margins(comparison: Comparison, best: SettingEntry) -> tuple[Margin, ...]:
         alike = {
             dict(entry.setting.gains)[gain]: all(row.stable for row in comparison.of(entry))
             for entry in comparison.entries
-            if entry.source == best.source and _differ_in_one_gain(entry.setting, best.setting, gain)
+            if entry.source == best.source
+            and _differ_in_one_gain(entry.setting, best.setting, gain)
         }
         if len(alike) > 1:
             edges = [other for other, stable in alike.items() if other > value and not stable]
@@ -208,7 +254,9 @@ def _margins(comparison: Comparison, best: SettingEntry) -> tuple[Margin, ...]:
 
 
 MODEL_LAWS = {"ff": "feedforward", "mpc": "predictive"}
-"""Laws that know a model of the drives, by number: `compare` runs their gains where it is asked to."""
+"""Laws that know a model of the drives, by number: `compare` runs their gains where it is asked
+to.
+"""
 OFF_GOAL = f"more than {END_BAND:g} pulses of an axis away"
 MAX_DESCRIBED = 5
 """Settings whose figures are told where none is best."""
@@ -255,8 +303,14 @@ def _describe_verdict(
         verb = "is better than the baseline" if score < 1 else "is no better than the baseline"
     else:
         of = f"of {len(comparison.entries)} settings"
-        verb = f"is the best {of}" if score < 1 else f"comes closest {of} to the baseline, which remains the best"
-    counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks)
+        verb = (
+            f"is the best {of}"
+            if score < 1
+            else f"comes closest {of} to the baseline, which remains the best"
+        )
+    counts = ", ".join(
+        f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks
+    )
     many = count_noun(len(comparison.ranked), "path")
     pieces = [
         f"{name} {verb}, weighed ({weights_text()}): {score:.3g} times the baseline, {baseline}.",
@@ -281,7 +335,9 @@ def _describe_verdict(
         )
     alike = comparison.rank_alike()[0]
     if len(alike) > 1:
-        pieces.append(f"{len(alike)} settings of it come out alike; this is the nearest to the law's usual gains.")
+        pieces.append(
+            f"{len(alike)} settings of it come out alike; this is the nearest to the law's usual gains."
+        )
     pieces += describe_feedback(comparison)
     pieces += describe_outcomes(comparison)
     pieces += _describe_faults(comparison, others)
@@ -309,7 +365,9 @@ def _describe_verdict(
     return (*pieces, *describe_unranked(comparison), *_describe_laws(comparison))
 
 
-def _describe_margins(comparison: Comparison, best: SettingEntry, margins: tuple[Margin, ...]) -> str:
+def _describe_margins(
+    comparison: Comparison, best: SettingEntry, margins: tuple[Margin, ...]
+) -> str:
     if margins:
         return f"Margin: {'; '.join(map(str, margins))}."
     if not best.setting.gains:
@@ -319,7 +377,9 @@ def _describe_margins(comparison: Comparison, best: SettingEntry, margins: tuple
     if run.issuperset(settings_of(law)):
         return f"Margin: not known, since {law} has no other gains in its grid that differ in one alone."
     alone = (
-        "no other gains" if len([one for one in run if one.law == law]) == 1 else "no gains that differ in one alone"
+        "no other gains"
+        if len([one for one in run if one.law == law]) == 1
+        else "no gains that differ in one alone"
     )
     return f"Margin: not known, since {alone} of {law} were run; --law {law} without gains runs them all."
 
@@ -329,7 +389,11 @@ def _describe_setting(comparison: Comparison, entry: SettingEntry) -> str:
     rows = comparison.of(entry)
     many, bad = sum(row.runs for row in rows), sum(row.unstable for row in rows)
     where = ", ".join(row.task for row in rows if row.unstable)
-    held = f"failed or is unstable in {bad} of {many} runs, on {where}" if bad else f"is stable in all of {many} runs"
+    held = (
+        f"failed or is unstable in {bad} of {many} runs, on {where}"
+        if bad
+        else f"is stable in all of {many} runs"
+    )
     figures = []
     for row in rows:
         unit = comparison.unit(RANK, row.task)
@@ -348,13 +412,17 @@ def _describe_setting(comparison: Comparison, entry: SettingEntry) -> str:
 
 
 def _describe_ending(comparison: Comparison, entry: SettingEntry) -> str:
-    """In how many runs a setting ends off its goal, and the largest distance from it; empty: in none."""
+    """In how many runs a setting ends off its goal, and the largest distance from it; empty: in
+    none.
+    """
     rows, source = comparison.of(entry), comparison.sources[entry.source]
     many = sum(row.away for row in rows)
     ends = [
         (float(series.tracking[-1]), result.cell.task)
         for key, result in source.results.items()
-        if result.cell.setting == entry.setting and is_away(result) and (series := source.series(key)) is not None
+        if result.cell.setting == entry.setting
+        and is_away(result)
+        and (series := source.series(key)) is not None
     ]
     told = f"in {many} of its {count_noun(sum(row.runs for row in rows), 'run')}"
     if ends:

@@ -1,7 +1,7 @@
 """The call list of the motion cards PCI-8132 and PCI-8164, as C source or as CSV.
 
-What the numbers mean and how they are chosen: `planner.export.card_calls`. The C source is a function that waits and
-calls:
+What the numbers mean and how they are chosen: `planner.export.card_calls`. The C source is a
+function that waits and calls:
 
     short pulsepath_run(void (*wait_until)(double seconds))
     {
@@ -11,19 +11,20 @@ calls:
         return 0;
     }
 
-It returns 0, or the error of the first call that failed. `wait_until` is the caller's: it returns when so many seconds
-have passed since the start. ASCII, line ends \\n; names stand in comments, what could end these is escaped. The names
-are those of the file formats' description; where the library's _8132_ta_move waits for the end of its move, define it
-as _8132_start_ta_move [Sahbaz 2007, Table A.1], which returns at once.
+It returns 0, or the error of the first call that failed. `wait_until` is the caller's: it returns
+when so many seconds have passed since the start. ASCII, line ends \\n; names stand in comments,
+what could end these is escaped. The names are those of the file formats' description; where the
+library's _8132_ta_move waits for the end of its move, define it as _8132_start_ta_move [Sahbaz
+2007, Table A.1], which returns at once.
 
 The CSV is easy to replay by a program:
 
     Time[s],Name,Function,Axis,Position[pulses],Start[pulses/s],Max[pulses/s],Tacc[s],Tdec[s]
     0.000000,leg3,_8164_start_ta_move,0,-12,38.2,2401.7,0.01,0.0
 
-One row per call, in the order of time: wait until Time, then call Function(Axis, Position, Start, Max, Tacc, Tdec).
-Speeds are the shortest decimals that read back as the same floats. UTF-8, line ends \\n, decimal points whatever the
-locale.
+One row per call, in the order of time: wait until Time, then call Function(Axis, Position, Start,
+Max, Tacc, Tdec). Speeds are the shortest decimals that read back as the same floats. UTF-8, line
+ends \\n, decimal points whatever the locale.
 """
 
 import csv
@@ -55,7 +56,9 @@ short pulsepath_run(void (*wait_until)(double seconds))
 
 @dataclass(frozen=True, slots=True)
 class _CallFile(ABC):
-    """The options of both, and how the calls that are written are chosen and compared with the motion."""
+    """The options of both, and how the calls that are written are chosen and compared with the
+    motion.
+    """
 
     spacing: float | None = option(
         None, "time between calls of an axis. Default: the longest with an error of 1 pulse", "s"
@@ -92,7 +95,10 @@ class AdlinkC(_CallFile):
     def _read(self, source: ExportSource, path: Path) -> list[Call]:
         kinds = KINDS.items()
         names = {
-            (kind.function, a.channel): a.name for a in source.machine.axes for n, kind in kinds if n in str(a.card)
+            (kind.function, a.channel): a.name
+            for a in source.machine.axes
+            for n, kind in kinds
+            if n in str(a.card)
         }
         calls, now = [], 0.0
         for line in path.read_text("ascii").split("\n"):
@@ -100,7 +106,16 @@ class AdlinkC(_CallFile):
                 now = float(wait[1])
             elif do := CALL_LINE.match(line):
                 axis = int(do[2])
-                calls.append(Call(now, names[do[1], axis], do[1], axis, int(do[3]), *map(float, do.groups()[3:])))
+                calls.append(
+                    Call(
+                        now,
+                        names[do[1], axis],
+                        do[1],
+                        axis,
+                        int(do[3]),
+                        *map(float, do.groups()[3:]),
+                    )
+                )
         return calls
 
 
@@ -109,8 +124,12 @@ def _lines(source: ExportSource, made: CallList) -> Iterator[str]:
     yield from (f" * {_escape(note)}" for note in made.notes)
     yield " */"
     arguments = "short axis, double pos, double start, double max, double tacc, double tdec"
-    used = sorted({call.function for call in made.calls} | {kind.function for kind in KINDS.values()})
-    yield HEAD.format(prototypes="".join(f"short {name}({arguments});\n" for name in used)).rstrip("\n")
+    used = sorted(
+        {call.function for call in made.calls} | {kind.function for kind in KINDS.values()}
+    )
+    yield HEAD.format(prototypes="".join(f"short {name}({arguments});\n" for name in used)).rstrip(
+        "\n"
+    )
     now = None
     for call in made.calls:
         if call.time != now:
@@ -159,4 +178,6 @@ def read_calls(path: Path) -> list[Call]:
     """The calls of a file written so."""
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.reader(file))[1:]
-    return [Call(float(t), n, f, int(a), int(p), *map(float, rest)) for t, n, f, a, p, *rest in rows]
+    return [
+        Call(float(t), n, f, int(a), int(p), *map(float, rest)) for t, n, f, a, p, *rest in rows
+    ]

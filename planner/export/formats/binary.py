@@ -1,23 +1,26 @@
 """Pulses in the binary form: chunks of some thousand pulses, a quarter of a byte each.
 
-The file is one of `kinematics.files.chunk_file`, which says how chunks are laid out. All numbers are little-endian.
+The file is one of `kinematics.files.chunk_file`, which says how chunks are laid out. All numbers
+are little-endian.
 
-    HEAD   JSON: kind "pulsepath pulses", schema 1, clock_hz (ticks/s), rule, and of each axis: name, start (count),
-           pulse and home (in its unit), unit ("m" or "rad")
-    PULS   int64 begin, int64 end: the span of ticks, from begin to before end, of which it has the pulses of all axes;
-           uint64 length of what follows once it is inflated; that, deflated (zlib, RFC 1950). In there, of each axis:
+    HEAD   JSON: kind "pulsepath pulses", schema 1, clock_hz (ticks/s), rule, and of each axis:
+           name, start (count), pulse and home (in its unit), unit ("m" or "rad")
+    PULS   int64 begin, int64 end: the span of ticks, from begin to before end, of which it has the
+           pulses of all axes; uint64 length of what follows once it is inflated; that, deflated
+           (zlib, RFC 1950). In there, of each axis:
                uint32 pulses n, uint8 width w (1, 2, 4), uint32 escapes e
                n codes of w bytes, e codes of 8 bytes, ⌈n/8⌉ bytes of directions; n is at most 2²⁰
-    MARK   JSON: complete (true), until (the tick at which the last PULS ends), duration (s), of each axis: bound
-           (pulses), pulses (how many), final (count); moves, compensations
+    MARK   JSON: complete (true), until (the tick at which the last PULS ends), duration (s), of
+           each axis: bound (pulses), pulses (how many), final (count); moves, compensations
 
-A code c stands for the change of interval d = c/2 (c even) or -(c + 1)/2 (c odd): with the interval before the first
-pulse of a chunk taken as 0, and the tick before it as begin, interval += d, tick += interval. Of w bytes, the largest
-code says that the next of 8 bytes takes its place. The bits of the directions have the first pulse in the highest bit
-of the first byte; 1 is a pulse towards smaller q. The first chunk begins at tick 0, each other where one before ends.
+A code c stands for the change of interval d = c/2 (c even) or -(c + 1)/2 (c odd): with the interval
+before the first pulse of a chunk taken as 0, and the tick before it as begin, interval += d, tick
++= interval. Of w bytes, the largest code says that the next of 8 bytes takes its place. The bits of
+the directions have the first pulse in the highest bit of the first byte; 1 is a pulse towards
+smaller q. The first chunk begins at tick 0, each other where one before ends.
 
-The same schedule gives the same bytes with the same zlib. A file holds the pulses as they are in `PulseSchedule`, with
-directions in q, not in the wiring's count.
+The same schedule gives the same bytes with the same zlib. A file holds the pulses as they are in
+`PulseSchedule`, with directions in q, not in the wiring's count.
 """
 
 from collections.abc import Iterator, Mapping
@@ -34,7 +37,15 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from planner.export.format import Exported, ExportSource
 from planner.parallel import Progress, ignore_progress, share_progress
-from planner.pulses.checking.pulse_reader import AXIS, ESCAPES, KIND, PULSES, SCHEMA, SPAN, open_pulses
+from planner.pulses.checking.pulse_reader import (
+    AXIS,
+    ESCAPES,
+    KIND,
+    PULSES,
+    SCHEMA,
+    SPAN,
+    open_pulses,
+)
 from planner.pulses.checking.pulse_reader import MAX_PART_PULSES as LARGEST_PART
 from planner.pulses.schedule import UNKNOWN_UNIT, PulseSchedule, Signs, Ticks, holds_same_pulses
 
@@ -56,7 +67,9 @@ class Binary:
         write(source.pulses, path, units, self.part, share_progress(source.tell, 0, 2))
         written = open_pulses(path).parts(share_progress(source.tell, 1, 2))
         exact = holds_same_pulses(source.pulses, written)
-        return Exported(0.0 if exact else np.inf, "the pulses, tick for tick", moves=source.pulses.total)
+        return Exported(
+            0.0 if exact else np.inf, "the pulses, tick for tick", moves=source.pulses.total
+        )
 
 
 def write(
@@ -104,7 +117,13 @@ class PulseWriter:
             }
             for axis in stated.axes
         ]
-        head = {"kind": KIND, "schema": SCHEMA, "clock_hz": stated.clock_hz, "rule": stated.rule, "axes": axes}
+        head = {
+            "kind": KIND,
+            "schema": SCHEMA,
+            "clock_hz": stated.clock_hz,
+            "rule": stated.rule,
+            "axes": axes,
+        }
         self._chunks = ChunkWriter(file, head)
         self._names = tuple(axis.name for axis in stated.axes)
         self._part = part
@@ -149,7 +168,9 @@ class PulseWriter:
 
 def _check_part(part: PulseSchedule, names: tuple[str, ...], begin: int, until: int) -> None:
     if tuple(axis.name for axis in part.axes) != names:
-        raise MotionError(f"the pulses are of axes {[axis.name for axis in part.axes]}, the file's are {list(names)}")
+        raise MotionError(
+            f"the pulses are of axes {[axis.name for axis in part.axes]}, the file's are {list(names)}"
+        )
     for axis in part.axes:
         if (abs(axis.direction) != 1).any():
             raise MotionError(f"axis {axis.name}: a direction is neither +1 nor -1")
@@ -166,16 +187,25 @@ Span = tuple[int, int]
 Pulses = tuple[Ticks, Signs]
 
 
-def _cut(part: PulseSchedule, begin: int, until: int, most: int) -> Iterator[tuple[Span, list[Pulses]]]:
+def _cut(
+    part: PulseSchedule, begin: int, until: int, most: int
+) -> Iterator[tuple[Span, list[Pulses]]]:
     """Cut a part into spans of time in which no axis has more than `most` pulses."""
     done = [0] * len(part.axes)
     while begin < until:
-        following = (int(axis.ticks[k + most]) for axis, k in zip(part.axes, done, strict=True) if k + most < len(axis))
+        following = (
+            int(axis.ticks[k + most])
+            for axis, k in zip(part.axes, done, strict=True)
+            if k + most < len(axis)
+        )
         end = min(following, default=until)
         cuts = [int(np.searchsorted(axis.ticks, end)) for axis in part.axes]
         yield (
             (begin, end),
-            [(axis.ticks[k:to], axis.direction[k:to]) for axis, k, to in zip(part.axes, done, cuts, strict=True)],
+            [
+                (axis.ticks[k:to], axis.direction[k:to])
+                for axis, k, to in zip(part.axes, done, cuts, strict=True)
+            ],
         )
         done, begin = cuts, end
 
@@ -195,4 +225,11 @@ def _encode_axis(ticks: Ticks, direction: Signs, begin: int) -> bytes:
     escapes: Any = codes[far].astype("<u8")
     narrow: Any = np.minimum(codes, np.uint64(ESCAPES[width])).astype(f"<u{width}")
     bits = np.packbits(direction < 0)
-    return b"".join((AXIS.pack(len(ticks), width, len(escapes)), narrow.tobytes(), escapes.tobytes(), bits.tobytes()))
+    return b"".join(
+        (
+            AXIS.pack(len(ticks), width, len(escapes)),
+            narrow.tobytes(),
+            escapes.tobytes(),
+            bits.tobytes(),
+        )
+    )

@@ -1,4 +1,5 @@
-"""G-code in inverse time: on every G1 line F is 1 / minutes, so each straight piece lasts exactly what it says.
+"""G-code in inverse time: on every G1 line F is 1 / minutes, so each straight piece lasts exactly
+what it says.
 
     (pulsepath: circle)
     (X = leg1 in mm: a joint axis, not Cartesian)
@@ -12,18 +13,21 @@
     G94
     M2
 
-- The words are the machine's axes, joints, not the position of the tool: in mm or degrees from home, or natural
-  coordinates. Axes go straight and evenly from point to point, which has speeds jump a little at every one.
+- The words are the machine's axes, joints, not the position of the tool: in mm or degrees from
+  home, or natural coordinates. Axes go straight and evenly from point to point, which has speeds
+  jump a little at every one.
 - The axes stand where the file begins: a stop that begins in motion is refused.
 - A rest is G4 with P in seconds, since controllers take no time for a G1 that does not move.
-- The controller has to keep the path (exact path mode, G61) and to be able to follow: one that plans its own
-  accelerations stretches the times.
-- A trigger is an M code at its place, where a piece ends for it. One whose name is made of the words M0, M1, M3 to M9,
-  M60, M100 to M199, T and S is written as it is called: "M3 S1200". Any other name has a digital output, which the
-  header states: M62 P0 before the piece that follows, M63 P0 before the next; at a rest and at the end M64 P0 and M65
-  P0, since the others wait for a motion.
+- The controller has to keep the path (exact path mode, G61) and to be able to follow: one that
+  plans its own accelerations stretches the times.
+- A trigger is an M code at its place, where a piece ends for it. One whose name is made of the
+  words M0, M1, M3 to M9, M60, M100 to M199, T and S is written as it is called: "M3 S1200". Any
+  other name has a digital output, which the header states: M62 P0 before the piece that follows,
+  M63 P0 before the next; at a rest and at the end M64 P0 and M65 P0, since the others wait for a
+  motion.
 - F has 12 digits, so an hour of pieces is off by less than 10 ns.
-- `planner.sources.gcode` reads it again, as the program of the places, where it is told the machine.
+- `planner.sources.gcode` reads it again, as the program of the places, where it is told the
+  machine.
 - ASCII, line ends \\n, decimal points whatever the locale; brackets in names show as square ones.
 """
 
@@ -68,10 +72,14 @@ class InverseTime(KnotFormat):
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
-        refuse_moving_ends(motion, axes, self.from_rest)  # a controller starts a file from standstill
+        refuse_moving_ends(
+            motion, axes, self.from_rest
+        )  # a controller starts a file from standstill
         letters = assign_letters(axes, self.letters, LETTERS, "G-code")
         knots = self.knots(source, 1, TIME_STEP)
-        marks = np.rint(np.array([event.time for event in source.triggers], float) / TIME_STEP).astype(np.int64)
+        marks = np.rint(
+            np.array([event.time for event in source.triggers], float) / TIME_STEP
+        ).astype(np.int64)
         if self.spacing is None:
             # a trigger within a step of a point is at it, as at the end of the motion
             apart = abs(marks - knots.steps[_find_nearest(knots.steps, marks)])
@@ -87,14 +95,18 @@ class InverseTime(KnotFormat):
             file.writelines(f"({header_name(text)})\n" for text in about)
             before, knot = "", 0
             for steps, units in form.blocks(source, knots, 1):
-                for lasting, row in zip((steps * TIME_STEP).tolist(), form.text_rows(units), strict=True):
+                for lasting, row in zip(
+                    (steps * TIME_STEP).tolist(), form.text_rows(units), strict=True
+                ):
                     words = " ".join(map("".join, zip(letters, row, strict=True)))
                     if not before:
                         file.write(f"(the axes must stand at {words})\nG21 G90 G93\n")
                     elif words == before:
                         file.write(codes.at(knot - 1, moving=False) + f"G4 P{lasting:.6f}\n")
                     else:
-                        file.write(codes.at(knot - 1, moving=True) + f"G1 {words} F{60 / lasting:.12g}\n")
+                        file.write(
+                            codes.at(knot - 1, moving=True) + f"G1 {words} F{60 / lasting:.12g}\n"
+                        )
                     before = words
                     knot += 1
             file.write(codes.at(knot - 1, moving=False) + "G94\nM2\n")
@@ -135,7 +147,10 @@ class MarkedCodes:
         return [f"output {number} = trigger {name}" for name, number in self.outputs.items()]
 
     def at(self, knot: int, *, moving: bool) -> str:
-        """Return the lines of a knot; moving: a motion follows, not a rest or the end. To be called in order."""
+        """Return the lines of a knot; moving: a motion follows, not a rest or the end.
+
+        To be called in order.
+        """
         names = self._names.get(knot, [])
         rising = list(dict.fromkeys(self.outputs[name] for name in names if name in self.outputs))
         lines = [word for name in names if name not in self.outputs for word in split_codes(name)]
@@ -149,11 +164,19 @@ class MarkedCodes:
         return "".join(f"{line}\n" for line in lines)
 
     def notes(self) -> tuple[str, ...]:
-        """Return how triggers are written, and by how much they are off; nothing without triggers."""
+        """Return how triggers are written, and by how much they are off; nothing without
+        triggers.
+        """
         if not self.count:
             return ()
-        off = f", off by up to {1e3 * self.off * TIME_STEP:.4g} ms, as points are" if self.off > 1 else ""
-        outputs = [f"{describe_value(name)} is output {number}" for name, number in self.outputs.items()]
+        off = (
+            f", off by up to {1e3 * self.off * TIME_STEP:.4g} ms, as points are"
+            if self.off > 1
+            else ""
+        )
+        outputs = [
+            f"{describe_value(name)} is output {number}" for name, number in self.outputs.items()
+        ]
         return ("; ".join([f"triggers: {self.count} as M codes{off}", *outputs]),)
 
 

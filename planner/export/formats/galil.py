@@ -6,12 +6,13 @@
     CD 12,9,-11
     CD 0,0,0=0
 
-- CM names the axes, A to H in the machine's order. DT n makes every interval 2ⁿ samples of 1 ms (TM 1000). The axes go
-  evenly through an interval. The last line ends contour mode.
-- Increments are whole counts in the sense of the axes' wiring, differences of rounded positions from home: the
-  remainder goes on to the next line, so no rounding adds up. The motion begins where the axes stand.
-- Nothing but commands, one a line; ASCII, line ends \\n. What sends them ends each with a carriage return, and waits
-  while the contour buffer is full.
+- CM names the axes, A to H in the machine's order. DT n makes every interval 2ⁿ samples of 1 ms (TM
+  1000). The axes go evenly through an interval. The last line ends contour mode.
+- Increments are whole counts in the sense of the axes' wiring, differences of rounded positions
+  from home: the remainder goes on to the next line, so no rounding adds up. The motion begins where
+  the axes stand.
+- Nothing but commands, one a line; ASCII, line ends \\n. What sends them ends each with a carriage
+  return, and waits while the contour buffer is full.
 """
 
 from collections.abc import Iterator
@@ -64,7 +65,10 @@ class Galil:
             file.write(f"CD {','.join('0' * len(axes))}=0\n")
         start = next(iter(form.blocks(source, knots, 1)))[1][0, 0]
         counts = ", ".join(f"{n:.0f}" for n in start)
-        notes = (describe_letters(axes, letters), f"begins at counts {counts} from home, in the sense of the wiring")
+        notes = (
+            describe_letters(axes, letters),
+            f"begins at counts {counts} from home, in the sense of the wiring",
+        )
         return compare(motion, axes, knots, _points(form, start, path), notes)
 
 

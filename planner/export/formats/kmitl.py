@@ -1,7 +1,9 @@
-"""Formats of the three-armed machine [KMITL 2005]: lists of arm lengths and of positions, and bytes for a port.
+"""Formats of the three-armed machine [KMITL 2005]: lists of arm lengths and of positions, and bytes
+for a port.
 
-Lengths are in units; 500 counts make one, and a digital differential analyser (DDA) runs from listed point to listed
-point. The source's reader takes seven characters for a number, and counts lines in 16 bits.
+Lengths are in units; 500 counts make one, and a digital differential analyser (DDA) runs from
+listed point to listed point. The source's reader takes seven characters for a number, and counts
+lines in 16 bits.
 
 Arm-length list: the three arm lengths at steps along the path, for the DDA to run through.
 
@@ -12,15 +14,17 @@ Arm-length list: the three arm lengths at steps along the path, for the DDA to r
     PointL1_10002266.771
     …
 
-The key is followed by the length at once, in seven characters: the source's reader takes columns 14 to 20. The number
-runs up from 10001; an empty line ends a point. Lengths are distances between joint centres, in units. The file holds
-no times: the source's reader runs as fast as its loop of output commands. ASCII, line ends \\r\\n, decimal points.
+The key is followed by the length at once, in seven characters: the source's reader takes columns 14
+to 20. The number runs up from 10001; an empty line ends a point. Lengths are distances between
+joint centres, in units. The file holds no times: the source's reader runs as fast as its loop of
+output commands. ASCII, line ends \\r\\n, decimal points.
 
 One byte per step, for a parallel port: bit 2i is the step of axis i, bit 2i + 1 its direction.
 
-X+ 1, X- 3, Y+ 4, Y- 12, Z+ 16, Z- 48; axes that step in the same tick share a byte. Direction 0 is a positive count of
-the wiring. The reader puts each byte out, and 0 after it: so STEP falls, and direction has no set-up time of its own.
-The file is nothing but these bytes: it holds no times, no start counts, and at most four axes.
+X+ 1, X- 3, Y+ 4, Y- 12, Z+ 16, Z- 48; axes that step in the same tick share a byte. Direction 0 is
+a positive count of the wiring. The reader puts each byte out, and 0 after it: so STEP falls, and
+direction has no set-up time of its own. The file is nothing but these bytes: it holds no times, no
+start counts, and at most four axes.
 
 Position list: the poses that the source's program runs through in straight lines.
 
@@ -31,12 +35,14 @@ Position list: the poses that the source's program runs through in straight line
     …
     Polar1move(3)z -325.00
 
-Per pose n, in the source's order: `ce` the end point, `c` the plate's centre, r the angles in degrees (0: the plate
-keeps its orientation), `mov` the arms' joints on the plate, `move` the same at the height of the plate's centre. Then
-an empty line. Positions are in units, in the machine's base frame; but z of `ce` and `c` counts from the end point's
-height at home, which is the offset ZOS that the source sets as it starts, takes off here and adds again. The source's
-reader compares the first 14 columns with Polar, n and the key, which has eight characters, and takes columns 15 to 21:
-a blank and six characters of the number, whose seventh is cut off. So it reads poses 1 to 9. ASCII, line ends \\r\\n.
+Per pose n, in the source's order: `ce` the end point, `c` the plate's centre, r the angles in
+degrees (0: the plate keeps its orientation), `mov` the arms' joints on the plate, `move` the same
+at the height of the plate's centre. Then an empty line. Positions are in units, in the machine's
+base frame; but z of `ce` and `c` counts from the end point's height at home, which is the offset
+ZOS that the source sets as it starts, takes off here and adds again. The source's reader compares
+the first 14 columns with Polar, n and the key, which has eight characters, and takes columns 15 to
+21: a blank and six characters of the number, whose seventh is cut off. So it reads poses 1 to 9.
+ASCII, line ends \\r\\n.
 """
 
 import re
@@ -64,7 +70,9 @@ from planner.sources.position_list import PositionList
 from planner.sources.positions import FIRST_NUMBER
 
 UNIT_LENGTH = 1e-3
-"""m. ASSUMPTION: the source does not say what its unit is; this machine's 25 000 pulses per mm fit 500 · 50."""
+"""m. ASSUMPTION: the source does not say what its unit is; this machine's 25 000 pulses per mm fit
+500 · 50.
+"""
 MAX_DIGITS = 7
 LAST_NUMBER = 32_767
 """The largest number of a line: Visual Basic's Integer."""
@@ -101,12 +109,17 @@ def steps(path: ActuatorPath, piece: int, step: float) -> int:
 
 
 def number(value: float, what: str) -> str:
-    """A number in seven characters, as many decimals as fit. Raises MotionError for one that does not."""
+    """A number in seven characters, as many decimals as fit.
+
+    Raises MotionError for one that does not.
+    """
     for decimals in range(MAX_DIGITS - 2, -1, -1):
         text = f"{value:.{decimals}f}"
         if len(text) <= MAX_DIGITS:
             return "0" + text[2:] if text.startswith("-0") and float(text) == 0 else text
-    raise MotionError(f"kmitl: {what} {value:.6g} units needs more than {MAX_DIGITS} characters; choose a longer unit")
+    raise MotionError(
+        f"kmitl: {what} {value:.6g} units needs more than {MAX_DIGITS} characters; choose a longer unit"
+    )
 
 
 CUT_DIGITS = 6
@@ -114,7 +127,10 @@ CUT_DIGITS = 6
 
 
 def cut_number(value: float, what: str) -> str:
-    """Return a number whose first six characters are the same number, cut off. Raise MotionError if it has none."""
+    """Return a number whose first six characters are the same number, cut off.
+
+    Raise MotionError if it has none.
+    """
     text = number(value, what)
     if len(text) > CUT_DIGITS and "." not in text[:CUT_DIGITS]:
         raise MotionError(
@@ -141,17 +157,24 @@ class KmitlArms:
     """Arm-length list of the three-armed machine, step by step along the path."""
 
     suffix: ClassVar[str] = ".txt"
-    point_step: float = option(1e-3, "distance between listed points along the path. Default 1 mm", "m", like="1 mm")
+    point_step: float = option(
+        1e-3, "distance between listed points along the path. Default 1 mm", "m", like="1 mm"
+    )
     unit_length: float = option(UNIT_LENGTH, "length of one unit. Default 1 mm", "m", like="1 mm")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         tripod_of(source, "kmitl-arms")
-        step, unit = read_length(self.point_step, "point step"), read_length(self.unit_length, "unit length")
+        step, unit = (
+            read_length(self.point_step, "point step"),
+            read_length(self.unit_length, "unit length"),
+        )
         curve = source.trajectory.path
         pieces = range(len(curve.breaks) - 1)
         each = [spread_over_piece(curve, k, steps(curve, k, step)) for k in pieces]
         # a piece begins where the one before it ends
-        s, piece = (np.concatenate([part[n][min(k, 1) :] for k, part in enumerate(each)]) for n in (0, 1))
+        s, piece = (
+            np.concatenate([part[n][min(k, 1) :] for k, part in enumerate(each)]) for n in (0, 1)
+        )
         check_numbers(len(s), FIRST_NUMBER, "points")
         lengths = curve.derivatives(s, piece)[0] / unit
         texts = [[number(value, "arm length") for value in row] for row in lengths.tolist()]
@@ -175,11 +198,16 @@ class KmitlArms:
 def _read(path: Path) -> Array:
     """Lengths (N, 3) in units, by the columns that the source's reader takes."""
     lines = path.read_text("ascii").splitlines()
-    return np.array([float(line[13:20]) for line in lines if line.startswith("PointL")]).reshape(-1, 3)
+    return np.array([float(line[13:20]) for line in lines if line.startswith("PointL")]).reshape(
+        -1, 3
+    )
 
 
-def _errors(source: ExportSource, lengths: Array, s: Array, piece: np.ndarray, unit: float) -> Iterator[float]:
-    """Pulses, the largest error of each step: counts after every turn of the DDA against the path there.
+def _errors(
+    source: ExportSource, lengths: Array, s: Array, piece: np.ndarray, unit: float
+) -> Iterator[float]:
+    """Pulses, the largest error of each step: counts after every turn of the DDA against the path
+    there.
 
     A step of less than a count has no turn: there the path is looked at in both ends.
     """
@@ -191,7 +219,9 @@ def _errors(source: ExportSource, lengths: Array, s: Array, piece: np.ndarray, u
         counts = at + dda_counts(target - at)
         counts = counts if len(counts) > 1 else np.repeat(counts, 2, axis=0)
         share = np.arange(len(counts)) / (len(counts) - 1)
-        q = source.trajectory.path.derivatives(s[n - 1] + (s[n] - s[n - 1]) * share, np.full(len(counts), piece[n]))[0]
+        q = source.trajectory.path.derivatives(
+            s[n - 1] + (s[n] - s[n - 1]) * share, np.full(len(counts), piece[n])
+        )[0]
         yield float((abs(counts * unit / COUNTS_PER_UNIT - (q - home_q)) / pulse).max())
         at = counts[-1]
 
@@ -199,11 +229,16 @@ def _errors(source: ExportSource, lengths: Array, s: Array, piece: np.ndarray, u
 def dda_counts(way: Array) -> Array:
     """(M+1, 3) counts from 0 at every turn on a way (3,) of counts [KMITL 2005, `going`].
 
-    Of M = ⌊k⌋ turns, k the largest |way|, turn m has each axis fire where its sum passes k - 1: ⌊(m |way| + 1)/k⌋.
+    Of M = ⌊k⌋ turns, k the largest |way|, turn m has each axis fire where its sum passes k - 1: ⌊(m
+    |way| + 1)/k⌋.
     """
     most = float(abs(way).max())
     turns = np.arange(int(most) + 1)
-    return np.sign(way) * np.floor((turns[:, None] * abs(way) + 1) / most) if most >= 1 else np.zeros((1, 3))
+    return (
+        np.sign(way) * np.floor((turns[:, None] * abs(way) + 1) / most)
+        if most >= 1
+        else np.zeros((1, 3))
+    )
 
 
 MAX_AXES = 4
@@ -226,15 +261,24 @@ class KmitlByte:
         steps = np.zeros(len(ticks), np.uint8)
         for k, (axis, driven) in enumerate(zip(pulses, axes, strict=True)):
             back = axis.direction != driven.direction
-            steps[np.searchsorted(ticks, axis.ticks)] |= np.where(back, 3 << 2 * k, 1 << 2 * k).astype(np.uint8)
+            steps[np.searchsorted(ticks, axis.ticks)] |= np.where(
+                back, 3 << 2 * k, 1 << 2 * k
+            ).astype(np.uint8)
         path.write_bytes(steps.tobytes())
         held = _counts(np.frombuffer(path.read_bytes(), np.uint8), len(axes))
         error = 0.0
         for k, (axis, driven) in enumerate(zip(pulses, axes, strict=True)):
             error = max(
-                error, float(abs(held[:, k] * driven.direction + axis.start - axis.counts(ticks)).max(initial=0))
+                error,
+                float(
+                    abs(held[:, k] * driven.direction + axis.start - axis.counts(ticks)).max(
+                        initial=0
+                    )
+                ),
             )
-        starts = ", ".join(str(axis.start * driven.direction) for axis, driven in zip(pulses, axes, strict=True))
+        starts = ", ".join(
+            str(axis.start * driven.direction) for axis, driven in zip(pulses, axes, strict=True)
+        )
         return Exported(
             error,
             "the counts after every step",
@@ -279,7 +323,9 @@ class KmitlPositions:
         chord, unit = read_length(self.chord, "chord"), read_length(self.unit_length, "unit length")
         curve = source.trajectory.path
         each = [_chords(curve, k, chord) for k in range(len(curve.breaks) - 1)]
-        s, piece = (np.concatenate([part[n][min(k, 1) :] for k, part in enumerate(each)]) for n in (0, 1))
+        s, piece = (
+            np.concatenate([part[n][min(k, 1) :] for k, part in enumerate(each)]) for n in (0, 1)
+        )
         x = _numbers(curve, s, piece)
         text = positions_text(x, np.zeros((len(s), 3)), machine, unit)
         path.write_text(text, encoding="ascii", newline="")
@@ -289,7 +335,9 @@ class KmitlPositions:
             f"units of {1e3 * unit:g} mm in the machine's base frame; z of ends and centres from home's",
         ]
         if len(s) > 9:
-            notes.append("the source's own reader takes numbers of one digit only: its columns are fixed")
+            notes.append(
+                "the source's own reader takes numbers of one digit only: its columns are fixed"
+            )
         against = "the path, the poses joined by straight lines"
         ends = _read_list(path) + np.array([0.0, 0.0, height_offset(machine) / unit])
         moves = int(np.diff(ends, axis=0).any(1).sum())
@@ -297,7 +345,8 @@ class KmitlPositions:
 
 
 def positions_text(x: Array, angles: Array, machine: Tripod, unit: float) -> str:
-    """The list of poses x (N, 12) in the machine's base frame; angles (N, 3) that it states, rad; unit: m.
+    """The list of poses x (N, 12) in the machine's base frame; angles (N, 3) that it states, rad;
+    unit: m.
 
     Raises MotionError for more poses, or larger numbers, than the format has room for.
     """
@@ -309,15 +358,25 @@ def positions_text(x: Array, angles: Array, machine: Tripod, unit: float) -> str
     ends = x[:, None, :3] + (turn @ level[:, :, None])[..., 0]
     zero = np.array([0.0, 0.0, height_offset(machine)])
     stated = np.degrees(angles)[:, None] * unit  # the only numbers that are no lengths
-    values = np.concatenate([x[:, None, :3] - zero, plate - zero, stated, joints, ends], 1).reshape(len(x), -1) / unit
+    values = (
+        np.concatenate([x[:, None, :3] - zero, plate - zero, stated, joints, ends], 1).reshape(
+            len(x), -1
+        )
+        / unit
+    )
     lines = []
     for n, row in enumerate(values.tolist(), 1):
-        lines += [*(f"Polar{n}{key} {cut_number(v, key)}" for key, v in zip(KEYS, row, strict=True)), ""]
+        lines += [
+            *(f"Polar{n}{key} {cut_number(v, key)}" for key, v in zip(KEYS, row, strict=True)),
+            "",
+        ]
     return "".join(f"{line}\r\n" for line in lines)
 
 
 def height_offset(machine: Tripod) -> float:
-    """m, in the base frame: the height from which the source counts, that of the end point as it starts (its ZOS)."""
+    """m, in the base frame: the height from which the source counts, that of the end point as it
+    starts (its ZOS).
+    """
     return float(machine.home.translation[2])
 
 
@@ -327,7 +386,9 @@ def list_text(listed: PositionList, machine: Machine) -> str:
     Raises MotionError for no tripod, and for rests, which have no place in it.
     """
     if not isinstance(machine, Tripod):
-        raise MotionError(f"kmitl-positions: machine {machine.name} is not a tripod; the format is for three arms")
+        raise MotionError(
+            f"kmitl-positions: machine {machine.name} is not a tripod; the format is for three arms"
+        )
     if listed.rests.any():
         raise MotionError(
             f"kmitl-positions: pose {int(np.argmax(listed.rests > 0)) + 1} has a dwell, which the format cannot "
@@ -351,13 +412,17 @@ def _chords(curve: ActuatorPath, piece: int, chord: float) -> tuple[Array, np.nd
         if float(np.linalg.norm(here - _nearest(here, ends), axis=2).max()) <= chord:
             return s, index
         count *= 2
-    raise MotionError(f"kmitl-positions: chord {chord:g} m asks for more than {LAST_NUMBER} poses; widen it")
+    raise MotionError(
+        f"kmitl-positions: chord {chord:g} m asks for more than {LAST_NUMBER} poses; widen it"
+    )
 
 
 def _nearest(points: Array, ends: Array) -> Array:
     """The points (N, k, 3) brought to the chords between ends (N+1, 3)."""
     way = np.diff(ends, axis=0)[:, None]
-    share = (way * (points - ends[:-1, None])).sum(2) / np.maximum((way**2).sum(2), np.finfo(float).tiny)
+    share = (way * (points - ends[:-1, None])).sum(2) / np.maximum(
+        (way**2).sum(2), np.finfo(float).tiny
+    )
     return np.asarray(ends[:-1, None] + np.clip(share, 0.0, 1.0)[..., None] * way)
 
 
@@ -380,7 +445,9 @@ def _read_list(path: Path) -> Array:
 
 
 def _error(source: ExportSource, ends: Array, s: Array, piece: np.ndarray) -> float:
-    """Pulses, the largest between the arms' lengths on the path and at the nearest point of the chord there."""
+    """Pulses, the largest between the arms' lengths on the path and at the nearest point of the
+    chord there.
+    """
     curve, machine = source.trajectory.path, source.machine
     share = np.concatenate([[0.0], CHORD_SHARES, [1.0]])
     here = (s[:-1, None] + np.diff(s)[:, None] * share).ravel()

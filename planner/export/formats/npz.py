@@ -1,15 +1,18 @@
-"""The pulse schedule itself, in parts that follow each other in time: one file that numpy.load opens.
+"""The pulse schedule itself, in parts that follow each other in time: one file that numpy.load
+opens.
 
-    schedule.json                schema, kind, clock_hz, duration (s), rule, parts, pulses, and of each axis: name,
-                                 start (count), pulse and home (m or rad), bound (pulses), pulses (how many)
-    000000/axis1.ticks.npy       int64: the pulses of axis 1 in the first part, at ticks / clock_hz from time 0
+    schedule.json                schema, kind, clock_hz, duration (s), rule, parts, pulses, and of
+                                 each axis: name, start (count), pulse and home (m or rad), bound
+                                 (pulses), pulses (how many)
+    000000/axis1.ticks.npy       int64: the pulses of axis 1 in the first part, at ticks / clock_hz
+                                 from time 0
     000000/axis1.direction.npy   int8: +1/-1 in q
     000000/axis2.ticks.npy       …
 
-numpy.load(FILE)["000000/axis1.ticks"] is one array; an axis' arrays of all parts, one after the other, are its pulses.
-Every part ends at one tick for all axes, so they can be sent to a machine one by one. Axes are numbered as in
-schedule.json (UTF-8). A zip archive without compression; little-endian, 9 bytes a pulse. The same schedule always gives
-the same bytes.
+numpy.load(FILE)["000000/axis1.ticks"] is one array; an axis' arrays of all parts, one after the
+other, are its pulses. Every part ends at one tick for all axes, so they can be sent to a machine
+one by one. Axes are numbered as in schedule.json (UTF-8). A zip archive without compression;
+little-endian, 9 bytes a pulse. The same schedule always gives the same bytes.
 """
 
 import json
@@ -44,18 +47,33 @@ class Npz:
     def write(self, source: ExportSource, path: Path) -> Exported:
         write(source.pulses, path, self.part, source.tell)
         exact = holds_same_pulses(source.pulses, parts(path))
-        return Exported(0.0 if exact else np.inf, "the pulses, tick for tick", moves=source.pulses.total)
+        return Exported(
+            0.0 if exact else np.inf, "the pulses, tick for tick", moves=source.pulses.total
+        )
 
 
 def write(
-    schedule: PulseSchedule, path: str | PathLike[str], part: int = MAX_PART_PULSES, tell: Progress = ignore_progress
+    schedule: PulseSchedule,
+    path: str | PathLike[str],
+    part: int = MAX_PART_PULSES,
+    tell: Progress = ignore_progress,
 ) -> None:
-    """Write a schedule in parts, in memory that does not grow with it. Raises MotionError for parts without pulses."""
+    """Write a schedule in parts, in memory that does not grow with it.
+
+    Raises MotionError for parts without pulses.
+    """
     if part < 1:
         raise MotionError(f"parts of {part} pulses: give 1 or more")
     windows = list(_windows(schedule, part))
     axes = [
-        {"name": a.name, "start": a.start, "pulse": a.pulse, "home": a.home, "bound": a.bound, "pulses": len(a)}
+        {
+            "name": a.name,
+            "start": a.start,
+            "pulse": a.pulse,
+            "home": a.home,
+            "bound": a.bound,
+            "pulses": len(a),
+        }
         for a in schedule.axes
     ]
     index = {
@@ -75,14 +93,18 @@ def write(
                 for what, kind in ARRAYS.items():
                     member = ZipInfo(_member(number, k, what))  # dated 1980, whenever it is written
                     with archive.open(member, "w", force_zip64=True) as file:
-                        np.lib.format.write_array(file, getattr(axis, what)[pulses].astype(kind, copy=False))
+                        np.lib.format.write_array(
+                            file, getattr(axis, what)[pulses].astype(kind, copy=False)
+                        )
             tell(number + 1, len(windows))
 
 
 def parts(path: str | PathLike[str]) -> Iterator[PulseSchedule]:
-    """The parts of a file, one after the other: each begins with the counts that the one before ends with.
+    """The parts of a file, one after the other: each begins with the counts that the one before
+    ends with.
 
-    Ticks count from the start of the motion, and the duration is its. Raises FileError for a file that is not whole.
+    Ticks count from the start of the motion, and the duration is its. Raises FileError for a file
+    that is not whole.
     """
     name = str(path)
     try:
@@ -107,7 +129,9 @@ def parts(path: str | PathLike[str]) -> Iterator[PulseSchedule]:
                 starts = [axis.final for axis in axes]
                 yield PulseSchedule(index["clock_hz"], axes, index["duration"], index["rule"])
     except (BadZipFile, KeyError, ValueError, TypeError) as error:
-        raise FileError(name, [Fault("contents", f"is no {KIND} in parts, or not all of it: {error}")]) from error
+        raise FileError(
+            name, [Fault("contents", f"is no {KIND} in parts, or not all of it: {error}")]
+        ) from error
 
 
 def read(path: str | PathLike[str]) -> PulseSchedule:
@@ -131,6 +155,8 @@ def _array(archive: ZipFile, member: str, kind: str) -> NDArray[Any]:
     with archive.open(member) as file:
         array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
     if array.dtype != np.dtype(kind) or array.ndim != 1:
-        raise ValueError(f"{member} holds {array.ndim}-dimensional {array.dtype}, not a row of {np.dtype(kind)}")
+        raise ValueError(
+            f"{member} holds {array.ndim}-dimensional {array.dtype}, not a row of {np.dtype(kind)}"
+        )
     array.flags.writeable = False
     return array

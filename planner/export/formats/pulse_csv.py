@@ -1,18 +1,24 @@
-"""Pulse CSV, as a logic analyser would have recorded it: one row per edge with the levels of every line.
+"""Pulse CSV, as a logic analyser would have recorded it: one row per edge with the levels of every
+line.
 
     Time[s], leg1 STEP, leg1 DIR, leg2 STEP, leg2 DIR
     0.000000000, 0, 1, 0, 0
     0.012345600, 1, 1, 0, 0
 
-- A rising STEP is a pulse, at its tick; STEP falls one pulse width later. Before the first row every STEP is low.
-- DIR 1 is a positive count of the wiring: the pulse moves q by +axis.direction pulses; DIR 0 is a negative one. For
-  axes wired +1 that is +1 in q. DIR changes when the pulse before falls, or when the drive's hold after that pulse's
-  rise is over, if that is later. It is right for the first pulse from time 0 on. So its set-up is as long as it can be.
+- A rising STEP is a pulse, at its tick; STEP falls one pulse width later. Before the first row
+  every STEP is low.
+- DIR 1 is a positive count of the wiring: the pulse moves q by +axis.direction pulses; DIR 0 is a
+  negative one. For axes wired +1 that is +1 in q. DIR changes when the pulse before falls, or when
+  the drive's hold after that pulse's rise is over, if that is later. It is right for the first
+  pulse from time 0 on. So its set-up is as long as it can be.
 - The first row, at time 0, states the level of every line; the last is the last edge.
-- Of a program with triggers an exported file has a column for each name, `trigger photo`. It rises at the tick of every
-  trigger and falls like STEP, or half-way to the next one of its name. Above 16 names all share `trigger all`.
-- Times are exact decimals of the tick where the clock allows (10 MHz: 7 of the 9 digits), else rounded to 1/20 tick.
-- UTF-8, line ends \\n, decimal points whatever the locale. The file holds no start counts: keep them beside it.
+- Of a program with triggers an exported file has a column for each name, `trigger photo`. It rises
+  at the tick of every trigger and falls like STEP, or half-way to the next one of its name. Above
+  16 names all share `trigger all`.
+- Times are exact decimals of the tick where the clock allows (10 MHz: 7 of the 9 digits), else
+  rounded to 1/20 tick.
+- UTF-8, line ends \\n, decimal points whatever the locale. The file holds no start counts: keep
+  them beside it.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -48,7 +54,10 @@ class PulseCsv:
     suffix: ClassVar[str] = ".csv"
     triggered: ClassVar[bool] = True
     width: float | None = option(
-        None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s", like="2 us"
+        None,
+        "pulse width of STEP. Default 2 us, or half the smallest interval if less",
+        "s",
+        like="2 us",
     )
 
     def write(self, source: ExportSource, path: Path) -> Exported:
@@ -62,14 +71,17 @@ class PulseCsv:
         marks: list[list[Ticks]] = [[] for _ in lines]
 
         def read() -> Iterator[PulseSchedule]:
-            for part in edge_reader.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=tell):
+            for part in edge_reader.parts(
+                path, pulses.clock_hz, axes, source.machine.home_q, tell=tell
+            ):
                 for ticks, new in zip(marks, part.marks, strict=True):
                     ticks.append(new)
                 yield part.schedule
 
         exact = holds_same_pulses(pulses, read())
         exact &= all(
-            np.array_equal(np.concatenate(ticks), line.ticks) for ticks, line in zip(marks, lines, strict=True)
+            np.array_equal(np.concatenate(ticks), line.ticks)
+            for ticks, line in zip(marks, lines, strict=True)
         )
         notes = (
             describe_high(measure_spacing([pulses]), self.width, timing),
@@ -88,15 +100,17 @@ def write(
     tell: Progress = ignore_progress,
     triggers: Sequence[TriggerLine] = (),
 ) -> None:
-    """Write the edges of every axis, in pieces of bounded memory; the pulses of a file are read twice.
+    """Write the edges of every axis, in pieces of bounded memory; the pulses of a file are read
+    twice.
 
     wiring  (n,) +1/-1, the `direction` of each machine axis
-    width   s that STEP stays high, rounded to ticks; None: 2 µs, or half the smallest pulse interval if that is less,
-            or else what the drives allow
+    width   s that STEP stays high, rounded to ticks; None: 2 µs, or half the smallest pulse
+            interval if that is less, or else what the drives allow
     timing  (n,) what each drive asks of its inputs
     tell    receives the tick up to which the file is written, and the last one
     triggers  further lines, with the edges of triggers
-    Raises MotionError where the width leaves STEP no time to be low or a drive another, or the wiring does not match.
+    Raises MotionError where the width leaves STEP no time to be low or a drive another, or the
+    wiring does not match.
     """
     stated = schedule.stated if isinstance(schedule, PulseFile) else schedule
     if len(wiring) != len(stated.axes) or any(sign not in (1, -1) for sign in wiring):
@@ -125,10 +139,12 @@ FOREVER = int(np.iinfo(np.int64).max)
 
 @dataclass(frozen=True, slots=True)
 class Spacing:
-    """What edges need to know of the pulses that come later: of a schedule in parts that follow each other.
+    """What edges need to know of the pulses that come later: of a schedule in parts that follow
+    each other.
 
     closest  ticks between the two closest pulses of any one axis; None where no axis has two
-    back     ticks of each axis, between the closest two of which the second goes back; None where none does
+    back     ticks of each axis, between the closest two of which the second goes back; None where
+             none does
     last     tick of the last pulse of all
     ends     tick before which each part ends
     ahead    (axes,) of each part: the direction of the first pulse behind it; 0: there is none
@@ -170,19 +186,26 @@ def measure_spacing(parts: Iterable[PulseSchedule]) -> Spacing:
         ahead.append(np.where(signs != 0, signs, ahead[-1]))
     known = (None if least == FOREVER else least for least in back)
     least = None if closest == FOREVER else closest
-    return Spacing(clock, least, tuple(known), last, (*ends[:-1], FOREVER), tuple(ahead[::-1]), names)
+    return Spacing(
+        clock, least, tuple(known), last, (*ends[:-1], FOREVER), tuple(ahead[::-1]), names
+    )
 
 
 def high_ticks(spacing: Spacing, width: float | None, timing: Sequence[StepTiming | None]) -> int:
-    """Return the ticks that STEP stays high: as the drives ask, with room for the low level between the closest pulses.
+    """Return the ticks that STEP stays high: as the drives ask, with room for the low level between
+    the closest pulses.
 
-    DIR changes when STEP falls or later, so that a reversal has to leave room for the set-up of its drive as well.
-    Raises MotionError if no width, or not the given one (s), does so.
+    DIR changes when STEP falls or later, so that a reversal has to leave room for the set-up of its
+    drive as well. Raises MotionError if no width, or not the given one (s), does so.
     """
     clock, closest = spacing.clock_hz, spacing.closest
     least, room = _bound_high(spacing, timing)
     usual = min(STEP_WIDTH * clock, np.inf if closest is None else closest // 2)
-    high = int(min(max(round(usual), least.ticks), room.ticks)) if width is None else round(width * clock)
+    high = (
+        int(min(max(round(usual), least.ticks), room.ticks))
+        if width is None
+        else round(width * clock)
+    )
     if least.ticks <= high <= room.ticks:
         return high
     given = high / clock if width is None else width
@@ -195,22 +218,29 @@ def high_ticks(spacing: Spacing, width: float | None, timing: Sequence[StepTimin
         )
         if not holds
     ]
-    remedy = "choose another width" if least.ticks <= room.ticks else "choose a faster clock, or a slower motion"
+    remedy = (
+        "choose another width"
+        if least.ticks <= room.ticks
+        else "choose a faster clock, or a slower motion"
+    )
     raise MotionError(f"pulse width {shown}: must be {' and '.join(broken)}; {remedy}")
 
 
 def turn_ticks(spacing: Spacing, high: int, timing: Sequence[StepTiming | None]) -> tuple[int, ...]:
-    """Return for each axis the ticks from a pulse to the change of DIR after it, where the next one goes back.
+    """Return for each axis the ticks from a pulse to the change of DIR after it, where the next one
+    goes back.
 
-    The hold of a drive counts only there: between pulses of one direction DIR does not change, however close they are.
-    Raises MotionError for a reversal that is too short for hold and set-up.
+    The hold of a drive counts only there: between pulses of one direction DIR does not change,
+    however close they are. Raises MotionError for a reversal that is too short for hold and set-up.
     """
     clock = spacing.clock_hz
     drives = [*timing, *[None] * (len(spacing.back) - len(timing))]
     names = [*spacing.names, *[""] * (len(spacing.back) - len(spacing.names))]
     turns = []
     for back, drive, name in zip(spacing.back, drives, names, strict=True):
-        hold, setup = (0, 0) if drive is None else (ceil_ticks(t, clock) for t in (drive.hold, drive.setup))
+        hold, setup = (
+            (0, 0) if drive is None else (ceil_ticks(t, clock) for t in (drive.hold, drive.setup))
+        )
         if back is not None and hold + setup > back:
             raise MotionError(
                 f"{name} reverses within {1e6 * back / clock:.6g} us, and its drive needs DIR "
@@ -236,15 +266,25 @@ def _bound_high(spacing: Spacing, timing: Sequence[StepTiming | None]) -> tuple[
     """The least and the most."""
     clock, closest = spacing.clock_hz, spacing.closest
     names = [*spacing.names, *[""] * len(timing)]
-    drives = [(f"the drive of {name}", drive) for name, drive in zip(names, timing, strict=False) if drive is not None]
+    drives = [
+        (f"the drive of {name}", drive)
+        for name, drive in zip(names, timing, strict=False)
+        if drive is not None
+    ]
     lows = [_Bound(1, "a tick of the clock")]
-    lows += [_Bound(ceil_ticks(drive.high, clock), f"{who} needs STEP high so long") for who, drive in drives]
+    lows += [
+        _Bound(ceil_ticks(drive.high, clock), f"{who} needs STEP high so long")
+        for who, drive in drives
+    ]
     rooms = [_Bound(np.inf, "")]
     if closest is not None:
         apart = f"the closest pulses are {1e6 * closest / clock:.6g} us apart, and"
         rooms.append(_Bound(closest - 1, f"{apart} STEP is low for a tick of the clock"))
         rooms += [
-            _Bound(closest - ceil_ticks(drive.low, clock), f"{apart} {who} needs STEP low for {1e6 * drive.low:.6g} us")
+            _Bound(
+                closest - ceil_ticks(drive.low, clock),
+                f"{apart} {who} needs STEP low for {1e6 * drive.low:.6g} us",
+            )
             for who, drive in drives
         ]
     for back, drive, name in zip(spacing.back, timing, names, strict=False):
@@ -256,12 +296,15 @@ def _bound_high(spacing: Spacing, timing: Sequence[StepTiming | None]) -> tuple[
 
 
 def refuse_high(source: ExportSource, high: int) -> None:
-    """Raise MotionError where a section begins while STEP is still high of a pulse before it: a file begins low.
+    """Raise MotionError where a section begins while STEP is still high of a pulse before it: a
+    file begins low.
 
     high: ticks that STEP is high.
     """
     since = [
-        (sent.last.tick, axis.name) for sent, axis in zip(source.sent, source.pulses.axes, strict=False) if sent.last
+        (sent.last.tick, axis.name)
+        for sent, axis in zip(source.sent, source.pulses.axes, strict=False)
+        if sent.last
     ]
     tick, name = max(since, default=(-high, ""))
     if source.goes_on and tick + high > 0:
@@ -272,7 +315,9 @@ def refuse_high(source: ExportSource, high: int) -> None:
         )
 
 
-def describe_high(spacing: Spacing, width: float | None, timing: Sequence[StepTiming | None]) -> str:
+def describe_high(
+    spacing: Spacing, width: float | None, timing: Sequence[StepTiming | None]
+) -> str:
     """How long STEP is high, for the notes."""
     return f"STEP is high for {1e6 * high_ticks(spacing, width, timing) / spacing.clock_hz:.6g} us"
 
@@ -285,11 +330,16 @@ Rows = Iterator[tuple[Ticks, NDArray[np.uint8]]]
 
 
 def _join_rows(
-    parts: Iterable[PulseSchedule], spacing: Spacing, wiring: Sequence[int], high: int, turns: Sequence[int]
+    parts: Iterable[PulseSchedule],
+    spacing: Spacing,
+    wiring: Sequence[int],
+    high: int,
+    turns: Sequence[int],
 ) -> Rows:
     """Yield the rows of all parts.
 
-    Each part also gets the pulse before it, whose STEP or DIR may change in it, and the direction of the next pulse.
+    Each part also gets the pulse before it, whose STEP or DIR may change in it, and the direction
+    of the next pulse.
     """
     begin = 0
     last = [AxisPulses("", np.empty(0, np.int64), np.empty(0, np.int8), 0, 1.0, 0.0)] * len(wiring)
@@ -298,7 +348,9 @@ def _join_rows(
         for before, axis, way in zip(last, part.axes, ahead, strict=True):
             after = np.array([FOREVER // 2] * int(way != 0), np.int64)
             ticks = np.concatenate([before.ticks[-1:], axis.ticks, after])
-            signs = np.concatenate([before.direction[-1:], axis.direction, np.full(len(after), way, np.int8)])
+            signs = np.concatenate(
+                [before.direction[-1:], axis.direction, np.full(len(after), way, np.int8)]
+            )
             axes.append(replace(axis, ticks=ticks, direction=signs))
         if begin < end:
             yield from edge_rows(replace(part, axes=tuple(axes)), wiring, high, (begin, end), turns)
@@ -313,14 +365,18 @@ def edge_rows(
     span: tuple[int, int] = (0, FOREVER),
     turns: Sequence[int] = (),
 ) -> Rows:
-    """Yield, in windows, the instants (N,) of edges within a span of ticks and the levels of all lines there (N, 2 n).
+    """Yield, in windows, the instants (N,) of edges within a span of ticks and the levels of all
+    lines there (N, 2 n).
 
-    turns: ticks from a pulse of each axis to the change of DIR (`turn_ticks`); if not given, DIR changes with STEP
+    turns: ticks from a pulse of each axis to the change of DIR (`turn_ticks`); if not given, DIR
+    changes with STEP
     """
     begin, end = span
     turns = turns or [high] * len(schedule.axes)
     inside = [axis.ticks[WINDOW::WINDOW] for axis in schedule.axes]
-    marks = np.unique(np.concatenate([[begin], *(each[(each > begin) & (each < end)] for each in inside)]))
+    marks = np.unique(
+        np.concatenate([[begin], *(each[(each > begin) & (each < end)] for each in inside)])
+    )
     ends = [*marks[1:].tolist(), end]
     for lo, hi in zip(marks.tolist(), ends, strict=True):
         edges = [np.zeros(int(lo == 0), np.int64)]
@@ -343,9 +399,13 @@ def edge_rows(
 
 
 def _find_edges(axis: AxisPulses, high: int, turn: int, span: tuple[int, int]) -> list[Ticks]:
-    """Return the instants at which STEP rises, STEP falls and, where it turns later, DIR changes, within a span."""
+    """Return the instants at which STEP rises, STEP falls and, where it turns later, DIR changes,
+    within a span.
+    """
     lo, hi = span
-    falling, rising, fallen, risen = np.searchsorted(axis.ticks, (lo - high, lo, hi - high, hi)).tolist()
+    falling, rising, fallen, risen = np.searchsorted(
+        axis.ticks, (lo - high, lo, hi - high, hi)
+    ).tolist()
     edges = [axis.ticks[rising:risen], axis.ticks[falling:fallen] + high]
     if turn > high:
         first, last = np.searchsorted(axis.ticks, (lo - turn, hi - turn)).tolist()
@@ -355,7 +415,9 @@ def _find_edges(axis: AxisPulses, high: int, turn: int, span: tuple[int, int]) -
 
 
 def _decimals(clock_hz: int) -> tuple[int, int]:
-    """Digits after the point, and ten to that power: exact where 15 digits can be, else good to 1/20 tick."""
+    """Digits after the point, and ten to that power: exact where 15 digits can be, else good to
+    1/20 tick.
+    """
     for digits in range(DECIMALS, 16):
         if 10**digits % clock_hz == 0:
             return digits, 10**digits
@@ -371,7 +433,11 @@ def _text(ticks: Ticks, levels: NDArray[np.uint8], clock_hz: int) -> bytes:
     """Write the rows as text. Only whole numbers are used: float formatting could move an edge."""
     digits, scale = _decimals(clock_hz)
     second, rest = np.divmod(ticks, clock_hz)
-    fraction = rest * (scale // clock_hz) if scale % clock_hz == 0 else (rest * scale + clock_hz // 2) // clock_hz
+    fraction = (
+        rest * (scale // clock_hz)
+        if scale % clock_hz == 0
+        else (rest * scale + clock_hz // 2) // clock_hz
+    )
     parts = []
     # Rows with equally long whole seconds share one table of characters.
     sizes = [len(str(n)) for n in (second[:1].tolist() + second[-1:].tolist())]
@@ -382,7 +448,11 @@ def _text(ticks: Ticks, levels: NDArray[np.uint8], clock_hz: int) -> bytes:
         table[:, size] = ord(".")
         _put_digits(table[:, size + 1 : size + 1 + digits], fraction[lo:hi])
         lines = table[:, size + 1 + digits : -1].reshape(hi - lo, levels.shape[1], 3)
-        lines[:, :, 0], lines[:, :, 1], lines[:, :, 2] = ord(","), ord(" "), levels[lo:hi] + ord("0")
+        lines[:, :, 0], lines[:, :, 1], lines[:, :, 2] = (
+            ord(","),
+            ord(" "),
+            levels[lo:hi] + ord("0"),
+        )
         table[:, -1] = ord("\n")
         parts.append(table.tobytes())
     return b"".join(parts)

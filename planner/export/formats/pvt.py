@@ -1,43 +1,50 @@
-"""Position, velocity and time: the formats of Newport XPS, PMAC and Zaber, whose axes run by cubics between points.
+"""Position, velocity and time: the formats of Newport XPS, PMAC and Zaber, whose axes run by cubics
+between points.
 
 Newport XPS PVT trajectory: one line per segment, `dt, d1, v1, d2, v2, …`, no header.
 
     0.02000000, 0.0011270, 0.1696447, -0.0042111, -0.6318177
 
-- dt is the duration in s; d the way of the segment and v the speed at its end, mm or degrees (and per second), axes in
-  the order of the machine, which has to be that of the group. The first segment starts from rest, the last ends there.
-- The axes go by the cubic that meets way and both speeds. Where an end speed is too high for the way, it runs back
-  inside the segment: with a tolerance segments are halved until none does so by more than 1/100 pulse where the
-  motion itself does not; with a spacing it is told how many do, and by how much.
+- dt is the duration in s; d the way of the segment and v the speed at its end, mm or degrees (and
+  per second), axes in the order of the machine, which has to be that of the group. The first
+  segment starts from rest, the last ends there.
+- The axes go by the cubic that meets way and both speeds. Where an end speed is too high for the
+  way, it runs back inside the segment: with a tolerance segments are halved until none does so by
+  more than 1/100 pulse where the motion itself does not; with a spacing it is told how many do, and
+  by how much.
 - Ways lead from rounded place to rounded place, so their rounding does not add up.
 - ASCII, line ends \\n, decimal points whatever the locale.
 
-PMAC motion program in PVT mode: `PVT` sets the duration of the segments that follow, in ms, X100:1500 is a move.
+PMAC motion program in PVT mode: `PVT` sets the duration of the segments that follow, in ms,
+X100:1500 is a move.
 
     INC
     PVT20.00025
     X0.0011270:0.1696447 Y-0.0042111:-0.6318177
     X0.0081118:0.0000000 Y-0.0295623:0.0000000
 
-- A move is the way of a segment and the speed at its end, per second (Isx90 = 1000); axes go by the cubic that meets
-  way and both speeds, from rest to rest. Moves lead from rounded place to rounded place: rounding does not add up.
+- A move is the way of a segment and the speed at its end, per second (Isx90 = 1000); axes go by the
+  cubic that meets way and both speeds, from rest to rest. Moves lead from rounded place to rounded
+  place: rounding does not add up.
 - In mm and degrees, axes in their own sense; or, with unit counts, in pulses of the wiring.
 - Durations are whole quarters of a microsecond and at most 4095.99975 ms (I42 = 0).
-- ASCII, line ends \\n, decimal points whatever the locale; comments from ; to the end of the line. The file is the body
-  of a program: OPEN PROG, CLEAR and CLOSE are the user's.
+- ASCII, line ends \\n, decimal points whatever the locale; comments from ; to the end of the line.
+  The file is the body of a program: OPEN PROG, CLEAR and CLOSE are the user's.
 
-Zaber PVT as CSV: position and velocity of every axis at the end of each segment, and how long it lasts.
+Zaber PVT as CSV: position and velocity of every axis at the end of each segment, and how long it
+lasts.
 
     Time (ms),X Position (mm),X Velocity (mm/s),Y Position (deg),Y Velocity (deg/s),Relative
     0.0,0.0000000,0.0000000,0.0000000,0.0000000,false
     12.5,0.0513020,8.1250000,0.0000000,0.0000000,false
 
 - The device goes from point to point by the cubic that meets position and velocity at both.
-- Time is the duration of the segment that ends there; the first row, of time 0, is where the motion starts: the device
-  must stand there.
-- Positions are absolute, mm or degrees, from the machine's home or, with origin natural, the axes' own coordinates;
-  both in their sense, whatever the wiring.
-- Durations are whole steps of 0.1 ms. ASSUMPTION: that is what the device keeps of them; `step` changes it.
+- Time is the duration of the segment that ends there; the first row, of time 0, is where the motion
+  starts: the device must stand there.
+- Positions are absolute, mm or degrees, from the machine's home or, with origin natural, the axes'
+  own coordinates; both in their sense, whatever the wiring.
+- Durations are whole steps of 0.1 ms. ASSUMPTION: that is what the device keeps of them; `step`
+  changes it.
 - UTF-8, line ends \\n, decimal points whatever the locale.
 """
 
@@ -68,11 +75,13 @@ from planner.export.format import Exported, ExportSource
 from planner.export.knots import KnotFormat, Knots, compare, refuse_moving_ends, rows_at
 
 
-def make_moves(columns: Columns, source: ExportSource, knots: Knots) -> Iterator[tuple[NDArray[np.int64], Array]]:
+def make_moves(
+    columns: Columns, source: ExportSource, knots: Knots
+) -> Iterator[tuple[NDArray[np.int64], Array]]:
     """Durations (K,) of segments in steps, and their moves and end speeds (2, K, axes), in blocks.
 
-    Both in whole units of the last decimal. A move leads from rounded point to rounded point, so the sum of any number
-    of moves is off by no more than one of them.
+    Both in whole units of the last decimal. A move leads from rounded point to rounded point, so
+    the sum of any number of moves is off by no more than one of them.
     """
     at = None
     for steps, units in columns.blocks(source, knots, 2, rest=True):
@@ -86,9 +95,11 @@ def make_moves(columns: Columns, source: ExportSource, knots: Knots) -> Iterator
 def sum_moves(
     columns: Columns, source: ExportSource, decoded: Iterable[tuple[Array, Array]]
 ) -> Iterator[tuple[Array, Array]]:
-    """Where the moves of a file lead from the start of the motion, at rest: what `knots.compare` takes.
+    """Where the moves of a file lead from the start of the motion, at rest: what `knots.compare`
+    takes.
 
-    decoded  in blocks: durations (K,) s, and moves and end speeds (2, K, axes) in the units of the file
+    decoded  in blocks: durations (K,) s, and moves and end speeds (2, K, axes) in the units of the
+             file
     """
     t = 0.0
     stated = rows_at(source.counted, np.zeros(1), 2)
@@ -127,7 +138,8 @@ class Xps(KnotFormat):
             for steps, units in make_moves(form, source, knots):
                 rows = form.text_rows(units)
                 file.writelines(
-                    f"{dt:.8f}, {', '.join(row)}\n" for dt, row in zip((steps * XPS_STEP).tolist(), rows, strict=True)
+                    f"{dt:.8f}, {', '.join(row)}\n"
+                    for dt, row in zip((steps * XPS_STEP).tolist(), rows, strict=True)
                 )
         notes = (f"group in the order {', '.join(axis.name for axis in axes)}; in {form.unit}",)
         return compare(motion, axes, knots, sum_moves(form, source, _read_xps(path)), notes)
@@ -150,7 +162,9 @@ class Pmac(KnotFormat):
     suffix: ClassVar[str] = ".pmc"
     from_rest: ClassVar[str] = "a PMAC program in PVT mode"
     letters: str | None = letters_option()
-    unit: Literal["mm", "counts"] = option("mm", "mm (rotary axes: deg), or counts: pulses of the wiring. Default mm")
+    unit: Literal["mm", "counts"] = option(
+        "mm", "mm (rotary axes: deg), or counts: pulses of the wiring. Default mm"
+    )
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
@@ -168,7 +182,9 @@ class Pmac(KnotFormat):
                         file.write(f"PVT{lasting * (PMAC_STEP * 1e3):.10g}\n")
                         before = lasting
                     pairs = zip(letters, row[::2], row[1::2], strict=True)
-                    file.write(" ".join(f"{letter}{way}:{speed}" for letter, way, speed in pairs) + "\n")
+                    file.write(
+                        " ".join(f"{letter}{way}:{speed}" for letter, way, speed in pairs) + "\n"
+                    )
         notes = (named, "speeds are per second (Isx90 = 1000), durations as with I42 = 0")
         return compare(motion, axes, knots, sum_moves(form, source, _read_pmac(path)), notes)
 
@@ -217,9 +233,14 @@ class ZaberCsv(KnotFormat):
             for steps, units in form.blocks(source, knots, 2, rest=True):
                 file.writelines(
                     f"{time:.10g},{','.join(row)},false\n"
-                    for time, row in zip((steps * (1e3 * self.step)).tolist(), form.text_rows(units), strict=True)
+                    for time, row in zip(
+                        (steps * (1e3 * self.step)).tolist(), form.text_rows(units), strict=True
+                    )
                 )
-        notes = (describe_letters(axes, letters), f"positions from {self.origin}, in the sense of the axes")
+        notes = (
+            describe_letters(axes, letters),
+            f"positions from {self.origin}, in the sense of the axes",
+        )
         return compare(motion, axes, knots, _read_zaber(path, form), notes)
 
 

@@ -1,19 +1,22 @@
-"""Moves from stop to stop as the program of [Sahbaz 2007, Appendix D] sends them: one trapezoid for every leg, at once.
+"""Moves from stop to stop as the program of [Sahbaz 2007, Appendix D] sends them: one trapezoid for
+every leg, at once.
 
     a = B_8132.StartTMove(0, -3333, 0, 3000.5, 0.01, 0.01)    ' leg1
     a = B_8164.StartTRMove(0, -2120, 0, 1905.25, 0.01, 0.01)  ' leg3
 
-Visual Basic of that program's controls B_8132 and B_8164: a Sub that calls `wait_until` (the caller's: it returns when
-so many seconds have passed since the start) and then, for every move, each axis' call (axis, distance, starting speed
-0, highest speed, times of acceleration and of deceleration). Distances are pulses from where the axis stands, in the
-wiring's signs; speeds pulses/s in steps of a 16-bit register. With T the time of the move and v an axis' highest speed
-in the plan, its ramps last T − D/v, so that all axes start and stop together, as in the thesis. Speeds there are whole
-pulses/s, which lets slow legs end at other times; and a leg with fewer pulses than 3000 · 0.01 s runs a triangle of
-two ramps of half the move's time td. Neither is followed: such a leg has ramps as all others. ASCII, line ends \\r\\n.
+Visual Basic of that program's controls B_8132 and B_8164: a Sub that calls `wait_until` (the
+caller's: it returns when so many seconds have passed since the start) and then, for every move,
+each axis' call (axis, distance, starting speed 0, highest speed, times of acceleration and of
+deceleration). Distances are pulses from where the axis stands, in the wiring's signs; speeds
+pulses/s in steps of a 16-bit register. With T the time of the move and v an axis' highest speed in
+the plan, its ramps last T − D/v, so that all axes start and stop together, as in the thesis. Speeds
+there are whole pulses/s, which lets slow legs end at other times; and a leg with fewer pulses than
+3000 · 0.01 s runs a triangle of two ramps of half the move's time td. Neither is followed: such a
+leg has ramps as all others. ASCII, line ends \\r\\n.
 
-Exact for synchronised moves at order 2 that no limit of the tool slows: axes run such trapezoids then. A motion of
-another shape between two rests is replaced by these, and by how much they differ is measured; one in which an axis
-turns back is refused.
+Exact for synchronised moves at order 2 that no limit of the tool slows: axes run such trapezoids
+then. A motion of another shape between two rests is replaced by these, and by how much they differ
+is measured; one in which an axis turns back is refused.
 """
 
 import re
@@ -51,7 +54,9 @@ REST_SHARE = 1e-9
 MIN_TURN_PULSES = 0.5
 """Pulses by which an axis that turns back inside a move has to go back to be one."""
 MOVE_INSTANTS = 257
-"""Instants of a move at which an axis' highest speed and its turning back are looked for, beside all knots."""
+"""Instants of a move at which an axis' highest speed and its turning back are looked for, beside
+all knots.
+"""
 STOP_SPEED = 1e-12
 """Pulses/s that stand for a stop, in a form that divides by speeds."""
 WAIT_LINE = re.compile(r"    wait_until ([0-9.]+)")
@@ -60,7 +65,9 @@ CALL_LINE = re.compile(r"    a = (B_\w+\.\w+)\((\d+), (-?\d+), 0, ([^,]+), ([^,]
 
 @dataclass(frozen=True, slots=True)
 class LegMove:
-    """One axis' call of a move that begins at `time` (s): distance in pulses of the wiring, speed 1/s, ramp s."""
+    """One axis' call of a move that begins at `time` (s): distance in pulses of the wiring, speed
+    1/s, ramp s.
+    """
 
     time: float
     function: str
@@ -72,7 +79,9 @@ class LegMove:
 
 @dataclass(frozen=True, slots=True)
 class Sahbaz:
-    """One trapezoidal move per axis from stop to stop, as the hexapod's own program calls the ADLINK cards."""
+    """One trapezoidal move per axis from stop to stop, as the hexapod's own program calls the
+    ADLINK cards.
+    """
 
     suffix: ClassVar[str] = ".bas"
     from_rest: ClassVar[str] = "a list of trapezoidal moves"
@@ -89,7 +98,8 @@ class Sahbaz:
         read = read_moves(path)
         off = replay_error(source, [*_calls(source, read, kinds)])
         starts = [
-            axis.direction * pulses.start for axis, pulses in zip(source.machine.axes, source.pulses.axes, strict=True)
+            axis.direction * pulses.start
+            for axis, pulses in zip(source.machine.axes, source.pulses.axes, strict=True)
         ]
         times = sorted({move.time for move in moves})
         return Exported(
@@ -112,7 +122,9 @@ def read_moves(path: Path) -> list[LegMove]:
         if wait := WAIT_LINE.match(line):
             now = float(wait[1])
         elif call := CALL_LINE.match(line):
-            moves.append(LegMove(now, call[1], int(call[2]), int(call[3]), float(call[4]), float(call[5])))
+            moves.append(
+                LegMove(now, call[1], int(call[2]), int(call[3]), float(call[4]), float(call[5]))
+            )
     return moves
 
 
@@ -141,7 +153,11 @@ def _moves(source: ExportSource, kinds: Sequence[str]) -> list[LegMove]:
     found = []
     fastest = np.zeros(len(kinds))
     for begin, end in rests:
-        t = np.unique(np.concatenate([np.linspace(begin, end, MOVE_INSTANTS), _inner_instants(trajectory, begin, end)]))
+        t = np.unique(
+            np.concatenate(
+                [np.linspace(begin, end, MOVE_INSTANTS), _inner_instants(trajectory, begin, end)]
+            )
+        )
         for k in range(len(kinds)):
             x, v = wired_counts(source, k, t)
             distance = _counts(source, k, end) - _counts(source, k, begin)
@@ -158,7 +174,9 @@ def _moves(source: ExportSource, kinds: Sequence[str]) -> list[LegMove]:
                 fastest[k] = max(fastest[k], speed)
                 found.append((begin, end, k, distance, speed))
     if not found:
-        raise MotionError("sahbaz: no axis moves by a pulse between two rests, so there is no move to write")
+        raise MotionError(
+            "sahbaz: no axis moves by a pulse between two rests, so there is no move to write"
+        )
     steps = [
         min(max(top * SPEED_HEADROOM, 1.0), KINDS[number].max_speed) / REGISTER
         for top, number in zip(fastest, kinds, strict=True)
@@ -176,7 +194,9 @@ def _moves(source: ExportSource, kinds: Sequence[str]) -> list[LegMove]:
 
 
 def _fit_ramp(way: int, whole: float, speed: float, step: float) -> tuple[float, float]:
-    """Speed in whole steps, and the ramps with which the way takes as long: no more than half of it each."""
+    """Speed in whole steps, and the ramps with which the way takes as long: no more than half of it
+    each.
+    """
     least = way / whole
     low = np.floor(speed / step + 1e-9) * step
     chosen = float(low if low > least else (np.floor(least / step) + 1) * step)
@@ -187,7 +207,11 @@ def _find_move_times(trajectory: Trajectory) -> list[tuple[float, float]]:
     """When each move begins and ends (s, whole microseconds): from rest to rest."""
     sd, knots = trajectory.at(trajectory.knots).sd, trajectory.knots
     still = sd <= REST_SHARE * max(float(sd.max()), np.finfo(float).tiny)
-    moves = [(a, b) for a, b in pairwise(np.flatnonzero(still)) if b > a + 1 or _moves_between(trajectory, int(a))]
+    moves = [
+        (a, b)
+        for a, b in pairwise(np.flatnonzero(still))
+        if b > a + 1 or _moves_between(trajectory, int(a))
+    ]
     # no move begins before the one before it has ended
     return [
         (
@@ -218,10 +242,17 @@ def _counts(source: ExportSource, k: int, t: float) -> int:
 
 
 def _calls(source: ExportSource, moves: Sequence[LegMove], kinds: Sequence[str]) -> Iterator[Call]:
-    """Each trapezoid as two calls of the kind that `replay_error` knows: up and on, then down to a stop."""
+    """Each trapezoid as two calls of the kind that `replay_error` knows: up and on, then down to a
+    stop.
+    """
     axes = source.machine.axes
-    at = {(FUNCTIONS[kind], axis.channel): k for k, (kind, axis) in enumerate(zip(kinds, axes, strict=True))}
-    stands = [axis.direction * pulses.start for axis, pulses in zip(axes, source.pulses.axes, strict=True)]
+    at = {
+        (FUNCTIONS[kind], axis.channel): k
+        for k, (kind, axis) in enumerate(zip(kinds, axes, strict=True))
+    }
+    stands = [
+        axis.direction * pulses.start for axis, pulses in zip(axes, source.pulses.axes, strict=True)
+    ]
     for move in moves:
         k = at[move.function, move.axis]
         begin, way, sign = stands[k], abs(move.distance), np.sign(move.distance)
@@ -230,4 +261,6 @@ def _calls(source: ExportSource, moves: Sequence[LegMove], kinds: Sequence[str])
         until = begin + sign * (way - move.speed * move.ramp / 2)
         name, function, ramp = axes[k].name, move.function, move.ramp
         yield Call(move.time, name, function, move.axis, until, 0.0, move.speed, ramp)
-        yield Call(move.time + on, name, function, move.axis, stands[k], move.speed, STOP_SPEED, ramp)
+        yield Call(
+            move.time + on, name, function, move.axis, stands[k], move.speed, STOP_SPEED, ramp
+        )

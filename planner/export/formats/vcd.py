@@ -14,13 +14,16 @@
     #1250
     1!
 
-- The levels are those of the pulse CSV: a rising STEP is a pulse, DIR 1 a positive count of the wiring, and DIR changes
-  when the pulse before falls, or after the hold of the drive. The last time is the end of the motion.
-- The time unit is the coarsest, from 1 ns down to 1 fs by tens, of which a tick is a whole number: 1 ns at 10 MHz.
-  Where there is none, times are rounded to the finest that 63 bits hold, at least a twentieth of a tick.
-- Of a program with triggers there is a wire for each name, trigger_photo, with the edges of the pulse CSV.
-- Names are printable ASCII without white space: every character but letters, digits, _ and - is written as % and two
-  hexadecimal digits for each of its UTF-8 bytes. Line ends \\n.
+- The levels are those of the pulse CSV: a rising STEP is a pulse, DIR 1 a positive count of the
+  wiring, and DIR changes when the pulse before falls, or after the hold of the drive. The last time
+  is the end of the motion.
+- The time unit is the coarsest, from 1 ns down to 1 fs by tens, of which a tick is a whole number:
+  1 ns at 10 MHz. Where there is none, times are rounded to the finest that 63 bits hold, at least a
+  twentieth of a tick.
+- Of a program with triggers there is a wire for each name, trigger_photo, with the edges of the
+  pulse CSV.
+- Names are printable ASCII without white space: every character but letters, digits, _ and - is
+  written as % and two hexadecimal digits for each of its UTF-8 bytes. Line ends \\n.
 """
 
 from collections.abc import Sequence
@@ -43,7 +46,13 @@ from planner.export.formats.pulse_csv import (
     refuse_high,
     turn_ticks,
 )
-from planner.export.trigger_lines import MAX_LINES, TriggerLine, describe_lines, join_lines, list_lines
+from planner.export.trigger_lines import (
+    MAX_LINES,
+    TriggerLine,
+    describe_lines,
+    join_lines,
+    list_lines,
+)
 from planner.pulses.schedule import PulseSchedule, Ticks
 
 SUFFIXES = {9: "1 ns", 10: "100 ps", 11: "10 ps", 12: "1 ps", 13: "100 fs", 14: "10 fs", 15: "1 fs"}
@@ -59,13 +68,18 @@ class Vcd:
     suffix: ClassVar[str] = ".vcd"
     triggered: ClassVar[bool] = True
     width: float | None = option(
-        None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s", like="2 us"
+        None,
+        "pulse width of STEP. Default 2 us, or half the smallest interval if less",
+        "s",
+        like="2 us",
     )
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         pulses, axes = source.pulses, source.machine.axes
         if 2 * len(axes) > len(IDS):
-            raise MotionError(f"{len(axes)} axes, but a dump has at most {len(IDS) // 2}; choose another format")
+            raise MotionError(
+                f"{len(axes)} axes, but a dump has at most {len(IDS) // 2}; choose another format"
+            )
         spacing = measure_spacing([pulses])
         timing = [axis.timing for axis in axes]
         high = high_ticks(spacing, self.width, timing)
@@ -76,7 +90,9 @@ class Vcd:
         with path.open("wb") as file:
             file.write(_head(source, digits, lines))
             before, last = None, 0
-            for ticks, levels in join_lines(edge_rows(pulses, wiring, high, turns=turns), lines, high):
+            for ticks, levels in join_lines(
+                edge_rows(pulses, wiring, high, turns=turns), lines, high
+            ):
                 times = _times(ticks, pulses.clock_hz, digits)
                 if before is None:
                     file.write(_start(levels[0]))
@@ -87,7 +103,11 @@ class Vcd:
             end = round(pulses.duration * 10**digits)
             file.write(b"#%d\n" % end if end > last else b"")
         width = describe_high(spacing, self.width, timing)
-        notes = (width, f"times in units of {SUFFIXES[digits]}", *describe_lines(source.triggers, lines))
+        notes = (
+            width,
+            f"times in units of {SUFFIXES[digits]}",
+            *describe_lines(source.triggers, lines),
+        )
         return replace(_compare(pulses, wiring, path, digits, lines), notes=notes)
 
 
@@ -97,7 +117,9 @@ def plain(name: str) -> str:
 
 
 def _head(source: ExportSource, digits: int, triggers: Sequence[TriggerLine]) -> bytes:
-    names = [f"{plain(axis.name)}_{line}" for axis in source.pulses.axes for line in ("STEP", "DIR")]
+    names = [
+        f"{plain(axis.name)}_{line}" for axis in source.pulses.axes for line in ("STEP", "DIR")
+    ]
     names += [f"trigger_{plain(line.name)}" for line in triggers]
     lines = [f"$comment pulsepath {plain(source.name)} $end", f"$timescale {SUFFIXES[digits]} $end"]
     lines += ["$scope module pulsepath $end"]
@@ -108,7 +130,9 @@ def _head(source: ExportSource, digits: int, triggers: Sequence[TriggerLine]) ->
 def _start(levels: NDArray[np.uint8]) -> bytes:
     """All levels (lines,) at time 0."""
     return (
-        b"#0\n$dumpvars\n" + b"".join(b"%d%c\n" % pair for pair in zip(levels.tolist(), IDS, strict=False)) + b"$end\n"
+        b"#0\n$dumpvars\n"
+        + b"".join(b"%d%c\n" % pair for pair in zip(levels.tolist(), IDS, strict=False))
+        + b"$end\n"
     )
 
 
@@ -116,7 +140,9 @@ def _digits(pulses: PulseSchedule) -> int:
     """The power of ten of the time unit."""
     clock, seconds = pulses.clock_hz, int(pulses.duration) + 2
     fitting = [digits for digits in SUFFIXES if 10**digits * max(seconds, clock) < 2**63]
-    exact = [digits for digits in SUFFIXES if 10**digits % clock == 0 and 10**digits * seconds < 2**63]
+    exact = [
+        digits for digits in SUFFIXES if 10**digits % clock == 0 and 10**digits * seconds < 2**63
+    ]
     if not exact and (not fitting or 10 ** fitting[-1] < 20 * clock):
         raise MotionError(
             f"clock {clock} Hz: no unit of time from 1 ns to 1 fs holds {seconds} s of its ticks; "
@@ -129,12 +155,18 @@ def _times(ticks: Ticks, clock_hz: int, digits: int) -> Ticks:
     """In whole units of time, the nearest."""
     second, rest = np.divmod(ticks, clock_hz)
     scale = 10**digits
-    part = rest * (scale // clock_hz) if scale % clock_hz == 0 else (rest * scale + clock_hz // 2) // clock_hz
+    part = (
+        rest * (scale // clock_hz)
+        if scale % clock_hz == 0
+        else (rest * scale + clock_hz // 2) // clock_hz
+    )
     return np.asarray(second * scale + part)
 
 
 def _text(times: Ticks, levels: NDArray[np.uint8], before: NDArray[np.uint8]) -> bytes:
-    """A time (N,) and the lines that change there; levels (N, lines), and before (1, lines) the first."""
+    """A time (N,) and the lines that change there; levels (N, lines), and before (1, lines) the
+    first.
+    """
     changed = levels != np.concatenate([before, levels[:-1]])
     size = len(str(times[-1]))
     table = np.zeros((len(times), size + 2 + 3 * levels.shape[1]), np.uint8)  # zeros are left out
@@ -152,14 +184,20 @@ def _text(times: Ticks, levels: NDArray[np.uint8], before: NDArray[np.uint8]) ->
 
 
 def _compare(
-    pulses: PulseSchedule, wiring: Sequence[int], path: Path, digits: int, triggers: Sequence[TriggerLine]
+    pulses: PulseSchedule,
+    wiring: Sequence[int],
+    path: Path,
+    digits: int,
+    triggers: Sequence[TriggerLine],
 ) -> Exported:
     read = _read(path, 2 * len(wiring) + len(triggers))
     same = True
     for k, (axis, sign) in enumerate(zip(pulses.axes, wiring, strict=True)):
         turned, way = read[2 * k + 1]
         times = _find_rises(read[2 * k])
-        direction = np.where(way[np.searchsorted(turned, times, side="right") - 1] == 1, sign, -sign)
+        direction = np.where(
+            way[np.searchsorted(turned, times, side="right") - 1] == 1, sign, -sign
+        )
         same &= np.array_equal(_ticks(times, pulses.clock_hz, digits), axis.ticks)
         same &= np.array_equal(direction, axis.direction)
     for changes, line in zip(read[2 * len(wiring) :], triggers, strict=True):
@@ -193,10 +231,15 @@ def _read(path: Path, lines: int) -> list[tuple[Ticks, NDArray[np.uint8]]]:
                 continue
             table = np.array(words, f"S{TIME_BYTES}").view(np.uint8).reshape(len(words), TIME_BYTES)
             timed = table[:, 0] == ord("#")
-            times = np.array([now, *(int(word[1:]) for word in words if word[:1] == b"#")], np.int64)
+            times = np.array(
+                [now, *(int(word[1:]) for word in words if word[:1] == b"#")], np.int64
+            )
             at, now = times[np.cumsum(timed)], int(times[-1])
             changes = (table[:, 0] == ord("0")) | (table[:, 0] == ord("1"))
             for k in range(lines):
                 own = changes & (table[:, 1] == IDS[k])
                 found[k].append((at[own], table[own, 0] - ord("0")))
-    return [(np.concatenate([t for t, _ in part]), np.concatenate([v for _, v in part])) for part in found]
+    return [
+        (np.concatenate([t for t, _ in part]), np.concatenate([v for _, v in part]))
+        for part in found
+    ]

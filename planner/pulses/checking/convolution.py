@@ -1,6 +1,8 @@
-"""A motion behind input shapers as the checker works it out: each copy asked at its own time, and the copies summed.
+"""A motion behind input shapers as the checker works it out: each copy asked at its own time, and
+the copies summed.
 
-It shares no code with what pulses are made from, but the motion that is shaped and the impulses that state the shapers.
+It shares no code with what pulses are made from, but the motion that is shaped and the impulses
+that state the shapers.
 """
 
 from dataclasses import dataclass
@@ -65,13 +67,15 @@ class Convolution:
             return self.base.axis_at(own, axis)
         state = self.base.at(own)
         return ConvolvedState(
-            state.s, *(each[:, axis : axis + 1] for each in (state.q, state.qd, state.qdd, state.qddd))
+            state.s,
+            *(each[:, axis : axis + 1] for each in (state.q, state.qd, state.qdd, state.qddd)),
         )
 
     def _own_time(self, t: Array, delay: float) -> tuple[Array, np.ndarray]:
         """(N,) instants of a copy, on the right side of its knots; and whether it moves."""
         knots = np.asarray(self.base.knots, float)
-        # as the sum of both is rounded, so are the knots of the whole: the side of one is told by comparing these
+        # as the sum of both is rounded, so are the knots of the whole: the side of one is told by
+        # comparing these
         k = np.searchsorted(knots + delay, t, side="right") - 1
         moving = (k >= 0) & (k < len(knots) - 1)
         inside = np.clip(k, 0, len(knots) - 2)

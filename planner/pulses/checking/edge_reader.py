@@ -1,7 +1,9 @@
-"""The step and direction lines of a file of edges, read back, proved against the motion, and timed against the drives.
+"""The step and direction lines of a file of edges, read back, proved against the motion, and timed
+against the drives.
 
-Independent of whatever wrote the file. A rising STEP is a pulse; DIR 1 is a positive count of the wiring. `parts` reads
-in memory that does not grow with the file. Text is UTF-8, with or without a byte order mark; lines end in LF or CR LF.
+Independent of whatever wrote the file. A rising STEP is a pulse; DIR 1 is a positive count of the
+wiring. `parts` reads in memory that does not grow with the file. Text is UTF-8, with or without a
+byte order mark; lines end in LF or CR LF.
 """
 
 import csv
@@ -42,7 +44,8 @@ TRIGGER = "trigger "
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """Contents of a file of edges, or of a part of it: pulses, and the least times from the file's beginning on.
+    """Contents of a file of edges, or of a part of it: pulses, and the least times from the file's
+    beginning on.
 
     marks: ticks at which each column of triggers rises
     """
@@ -61,28 +64,39 @@ def parts(
     start: Sequence[int] | None = None,
     tell: Progress = ignore_progress,
 ) -> Iterator[Lines]:
-    """The lines of a pulse CSV in one or more parts that follow each other; what it cannot hold comes from the machine.
+    """The lines of a pulse CSV in one or more parts that follow each other; what it cannot hold
+    comes from the machine.
 
-    start  counts before the first pulse; None: 0, a motion from home. Each part has those that the one before ends with
+    start  counts before the first pulse; None: 0, a motion from home. Each part has those that the
+           one before ends with
     tell   told how many bytes are read, of how many
-    Raises FileError with the lines at fault: a header of other axes, a row that is not a time and levels, a time that
-    runs back or is no tick of the clock, a STEP that is high when the file ends: such a file has been cut.
+    Raises FileError with the lines at fault: a header of other axes, a row that is not a time and
+    levels, a time that
+    runs back or is no tick of the clock, a STEP that is high when the file ends: such a file has
+    been cut.
     """
     name, home = str(path), np.asarray(home_q, float)
     found, count = [_EdgeRecord() for _ in axes], [0] * len(axes) if start is None else list(start)
     with Path(path).open("rb") as file:
         size = os.fstat(file.fileno()).st_size
-        expected = ["Time[s]", *(f"{axis.name} {line}" for axis in axes for line in ("STEP", "DIR"))]
+        expected = [
+            "Time[s]",
+            *(f"{axis.name} {line}" for axis in axes for line in ("STEP", "DIR")),
+        ]
         first = file.readline()
         while first.count(b'"') % 2 and (more := file.readline()):  # a name may hold a line feed
             first += more
         try:
-            header = next(csv.reader([first.decode("utf-8-sig", errors="replace")], skipinitialspace=True), [])
+            header = next(
+                csv.reader([first.decode("utf-8-sig", errors="replace")], skipinitialspace=True), []
+            )
         except csv.Error as error:  # such as a name of more than 131072 characters
             raise FileError(name, [Fault("header", f"not CSV: {error}", 1)]) from None
         columns = len(header)
         marked = range(len(expected), columns)
-        if header[: len(expected)] != expected or not all(header[k].startswith(TRIGGER) for k in marked):
+        if header[: len(expected)] != expected or not all(
+            header[k].startswith(TRIGGER) for k in marked
+        ):
             raise FileError(name, [Fault("header", f"{header} should be {expected}", 1)])
         last, before = -0.5 / clock_hz, None  # the first row may be at time 0
         for line, table in _tables(file, name, columns, first.count(b"\n") + 1):
@@ -93,12 +107,18 @@ def parts(
             pulses = []
             for k, (axis, one) in enumerate(zip(axes, found, strict=True)):
                 rises, signs = one.add(
-                    ticks, levels[:, 2 * k : 2 * k + 2], before[2 * k :][:2] if before is not None else None, axis
+                    ticks,
+                    levels[:, 2 * k : 2 * k + 2],
+                    before[2 * k :][:2] if before is not None else None,
+                    axis,
                 )
-                pulses.append(AxisPulses(axis.name, rises, signs, count[k], axis.pulse, float(home[k])))
+                pulses.append(
+                    AxisPulses(axis.name, rises, signs, count[k], axis.pulse, float(home[k]))
+                )
                 count[k] = pulses[k].final
             marks = tuple(
-                _find_rises(ticks, levels[:, k - 1], None if before is None else before[k - 1]) for k in marked
+                _find_rises(ticks, levels[:, k - 1], None if before is None else before[k - 1])
+                for k in marked
             )
             before = levels[-1] if len(table) else before
             rows = line + len(table) - 1
@@ -108,10 +128,16 @@ def parts(
         high = (
             []
             if before is None
-            else [axis.name for axis, level in zip(axes, before[: 2 * len(axes) : 2], strict=True) if level]
+            else [
+                axis.name
+                for axis, level in zip(axes, before[: 2 * len(axes) : 2], strict=True)
+                if level
+            ]
         )
         if high:
-            message = f"leaves STEP of {', '.join(high)} high: the file has been cut; write it again"
+            message = (
+                f"leaves STEP of {', '.join(high)} high: the file has been cut; write it again"
+            )
             raise FileError(name, [Fault("row", message, rows)])
 
 
@@ -123,7 +149,9 @@ def _find_rises(ticks: Ticks, levels: NDArray[np.uint8], before: np.uint8 | None
 
 @dataclass(slots=True)
 class _EdgeRecord:
-    """Of one axis, part after part: the last edge of each kind (ticks), and the least times between."""
+    """Of one axis, part after part: the last edge of each kind (ticks), and the least times
+    between.
+    """
 
     rise: float = -np.inf
     fall: float = -np.inf
@@ -135,7 +163,8 @@ class _EdgeRecord:
     ) -> tuple[Ticks, Signs]:
         """The pulses of the next part.
 
-        levels (N, 2): STEP and DIR from each tick on; before (2,): ahead of the first, None: low and as it begins.
+        levels (N, 2): STEP and DIR from each tick on; before (2,): ahead of the first, None: low
+        and as it begins.
         """
         if not len(ticks):
             return ticks, np.empty(0, np.int8)
@@ -151,7 +180,9 @@ class _EdgeRecord:
             float(edges[-1]) if len(edges) else at
             for edges, at in ((rising, self.rise), (falling, self.fall), (turning, self.turn))
         )
-        return rising, np.where(levels[step > 0, 1] == 1, axis.direction, -axis.direction).astype(np.int8)
+        return rising, np.where(levels[step > 0, 1] == 1, axis.direction, -axis.direction).astype(
+            np.int8
+        )
 
     def _measure_gap(self, what: str, since: Ticks, earlier: float, until: Ticks) -> None:
         """The least time from the last edge of one kind to each of another."""
@@ -168,7 +199,8 @@ class _EdgeRecord:
 
 
 def _tables(file: BinaryIO, name: str, columns: int, line: int) -> Iterator[tuple[int, Array]]:
-    """The rows as numbers, part by part, with the line that each part starts on; line: that of the first.
+    """The rows as numbers, part by part, with the line that each part starts on; line: that of the
+    first.
 
     One part without rows where there are none.
     """
@@ -201,7 +233,9 @@ def _table(text: bytes, name: str, columns: int, line: int) -> Array:
 
 
 def _read_even_rows(text: bytes, columns: int) -> Array | None:
-    """The same of rows that are all laid out as the first one, digit by digit; None where they are not."""
+    """The same of rows that are all laid out as the first one, digit by digit; None where they are
+    not.
+    """
     width = text.find(b"\n") + 1
     first = re.fullmatch(rb"(\d+\.\d+)((?:, ?[01]){%d})\r?\n" % (columns - 1), text[:width])
     if first is None or first.end(1) > EXACT_DIGITS + 1 or (len(text) + 1) % width:
@@ -212,12 +246,18 @@ def _read_even_rows(text: bytes, columns: int) -> Array | None:
     levels = [k for k in range(*first.span(2)) if text[k] in b"01"]
     numbers = rows - np.uint8(ord("0"))  # other characters come out above 9
     same = np.delete(np.arange(width), [*digits, *levels])
-    if (rows[:, same] != like[same]).any() or (numbers[:, digits] > 9).any() or (numbers[:, levels] > 1).any():
+    if (
+        (rows[:, same] != like[same]).any()
+        or (numbers[:, digits] > 9).any()
+        or (numbers[:, levels] > 1).any()
+    ):
         return None
     table, whole = np.empty((len(rows), columns)), np.zeros(len(rows), np.int64)
     for k in digits:
         whole = 10 * whole + numbers[:, k]
-    table[:, 0] = whole / 10 ** (first.end(1) - point - 1)  # of exact numbers: the float nearest to the decimal
+    table[:, 0] = whole / 10 ** (
+        first.end(1) - point - 1
+    )  # of exact numbers: the float nearest to the decimal
     table[:, 1:] = numbers[:, levels]
     return table
 
@@ -237,9 +277,17 @@ def _ticks(time: Array, last: float, clock_hz: int, name: str, line: int) -> Tic
     off = np.flatnonzero(~(abs(time * clock_hz - ticks) <= OFF_TICK))
     back = np.flatnonzero(~(np.diff(time, prepend=last) > 0))
     faults = [(i, f"is not a tick of {clock_hz} Hz") for i in off[:MAX_FAULTS].tolist()]
-    faults += [(i, "does not come after the row before, or after 0") for i in back[:MAX_FAULTS].tolist()]
+    faults += [
+        (i, "does not come after the row before, or after 0") for i in back[:MAX_FAULTS].tolist()
+    ]
     if faults:
-        raise FileError(name, [Fault("Time[s]", f"{float(time[i])!r} s {message}", line + i) for i, message in faults])
+        raise FileError(
+            name,
+            [
+                Fault("Time[s]", f"{float(time[i])!r} s {message}", line + i)
+                for i, message in faults
+            ],
+        )
     return ticks.astype(np.int64)
 
 
@@ -257,12 +305,15 @@ class PlannedPulses(Protocol):
     def pulses(self) -> PulseSchedule: ...
 
 
-def check_file(path: str | PathLike[str], plan: PlannedPulses, progress: Progress = ignore_progress) -> PulseCheck:
-    """Prove a file of pulses as `check` does: a CSV of edges, with the times on its lines against what each drive asks,
-    or one in the binary form, with what it states against the plan.
+def check_file(
+    path: str | PathLike[str], plan: PlannedPulses, progress: Progress = ignore_progress
+) -> PulseCheck:
+    """Prove a file of pulses as `check` does: a CSV of edges, with the times on its lines against
+    what each drive asks, or one in the binary form, with what it states against the plan.
 
-    Only the pulses come from the file, part by part; start counts, duration, rule and bounds from the plan. progress is
-    told how much of the file is done. Raises FileError where it cannot be read.
+    Only the pulses come from the file, part by part; start counts, duration, rule and bounds from
+    the plan. progress is told how much of the file is done. Raises FileError where it cannot be
+    read.
     """
     stated, machine = plan.pulses, plan.machine
     if holds_chunks(path):
@@ -280,7 +331,14 @@ def check_file(path: str | PathLike[str], plan: PlannedPulses, progress: Progres
     axes = []
     for one, times, axis in zip(found.axes, lined, machine.axes, strict=True):
         short = tuple(_find_short_times(times, axis))
-        axes.append(replace(one, lines=times, faults=one.faults + short, fault_count=one.fault_count + len(short)))
+        axes.append(
+            replace(
+                one,
+                lines=times,
+                faults=one.faults + short,
+                fault_count=one.fault_count + len(short),
+            )
+        )
     return PulseCheck(tuple(axes))
 
 
@@ -291,11 +349,14 @@ def check_file_parts(
     motions: Iterable[AxesMotion],
     progress: Progress = ignore_progress,
 ) -> PulseCheck:
-    """The same of a file in the binary form and of a motion that comes in parts, each with a time from 0.
+    """The same of a file in the binary form and of a motion that comes in parts, each with a time
+    from 0.
 
     stated: what the plan states of its pulses, without them
     """
-    return _check_binary(path, stated, machine, partial(check_motion_parts, stated, motions=motions), progress)
+    return _check_binary(
+        path, stated, machine, partial(check_motion_parts, stated, motions=motions), progress
+    )
 
 
 def _check_binary(
@@ -305,7 +366,9 @@ def _check_binary(
     check: Callable[..., PulseCheck],
     progress: Progress,
 ) -> PulseCheck:
-    """The findings on a file in the binary form, with what it states otherwise than the plan; check: of its parts."""
+    """The findings on a file in the binary form, with what it states otherwise than the plan;
+    check: of its parts.
+    """
     held = open_pulses(path)
     names, own = ([axis.name for axis in of.axes] for of in (stated, held.stated))
     if own != names:
@@ -315,11 +378,15 @@ def _check_binary(
     for k, one in enumerate(found.axes):
         says, should = (list_statements(of, k) for of in (held.stated, stated))
         other = tuple(
-            PulseFault(one.name, 0, f"{name}: the file states {says[name]}, and the plan {should[name]}")
+            PulseFault(
+                one.name, 0, f"{name}: the file states {says[name]}, and the plan {should[name]}"
+            )
             for name in should
             if says[name] != should[name]
         )
-        axes.append(replace(one, faults=one.faults + other, fault_count=one.fault_count + len(other)))
+        axes.append(
+            replace(one, faults=one.faults + other, fault_count=one.fault_count + len(other))
+        )
     return PulseCheck(tuple(axes))
 
 

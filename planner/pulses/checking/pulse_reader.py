@@ -1,7 +1,8 @@
-"""Pulses read back from the binary form, part by part; `planner.export.formats.binary` writes it and says what it is.
+"""Pulses read back from the binary form, part by part; `planner.export.formats.binary` writes it
+and says what it is.
 
-Independent of what wrote the file: nothing but the layout is shared, and what a part holds has to fit what the file
-says of it.
+Independent of what wrote the file: nothing but the layout is shared, and what a part holds has to
+fit what the file says of it.
 """
 
 import struct
@@ -15,11 +16,25 @@ from zlib import error as ZlibError
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.files.chunk_file import MAX_INTEGER, Chunk, ChunkFile, open_chunks, read_integer, read_number
+from kinematics.files.chunk_file import (
+    MAX_INTEGER,
+    Chunk,
+    ChunkFile,
+    open_chunks,
+    read_integer,
+    read_number,
+)
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.options import check_arguments
 from planner.parallel import Progress, ignore_progress
-from planner.pulses.schedule import AxisPulses, Compensation, MovedPulses, PulseSchedule, Signs, Ticks
+from planner.pulses.schedule import (
+    AxisPulses,
+    Compensation,
+    MovedPulses,
+    PulseSchedule,
+    Signs,
+    Ticks,
+)
 
 KIND, SCHEMA = "pulsepath pulses", 1
 PULSES = "PULS"
@@ -28,11 +43,17 @@ SPAN, AXIS = struct.Struct("<qqQ"), struct.Struct("<IBI")
 ESCAPES = {1: 0xFF, 2: 0xFFFF, 4: 0xFFFF_FFFF}
 """Of codes of so many bytes, the one whose value stands apart."""
 MAX_PART_PULSES = 1 << 20
-"""Pulses of an axis in a chunk, at most: what bounds the memory of those who read a file that somebody else wrote."""
+"""Pulses of an axis in a chunk, at most: what bounds the memory of those who read a file that
+somebody else wrote.
+"""
 PULSE_BYTES = 13
-"""Bytes of a pulse in a chunk that is inflated, at most: a code of 4, one of 8 apart from it, and its direction."""
+"""Bytes of a pulse in a chunk that is inflated, at most: a code of 4, one of 8 apart from it, and
+its direction.
+"""
 PULSES_PER_BYTE = 8
-"""Pulses that there is room for before any are read, for each byte of a file: more than most files have."""
+"""Pulses that there is room for before any are read, for each byte of a file: more than most files
+have.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +73,11 @@ class PulseFile:
     _chunks: ChunkFile
 
     def parts(self, tell: Progress = ignore_progress) -> Iterator[PulseSchedule]:
-        """The pulses in parts that follow each other in time, each from the counts that the one before ends with.
+        """The pulses in parts that follow each other in time, each from the counts that the one
+        before ends with.
 
-        Ticks count from the start of the motion, and the duration is its. Raises FileError for damage, with its place.
+        Ticks count from the start of the motion, and the duration is its. Raises FileError for
+        damage, with its place.
         """
         stated = self.stated
         counts, done, begin = [axis.start for axis in stated.axes], [0] * len(stated.axes), 0
@@ -73,11 +96,14 @@ class PulseFile:
             told = f"holds {done} pulses that count to {counts}, and says {self.pulses} that count to {self.final}"
             raise self._refusal(f"{told}: write it again")
         if begin != self.until:
-            raise self._refusal(f"holds pulses up to tick {begin}, and says {self.until}: write it again")
+            raise self._refusal(
+                f"holds pulses up to tick {begin}, and says {self.until}: write it again"
+            )
 
     def read(self, tell: Progress = ignore_progress) -> PulseSchedule:
         """All of it. Raises FileError as `parts` does."""
-        # The arrays grow with the pulses read, as a damaged file may state more than fit into memory.
+        # The arrays grow with the pulses read, as a damaged file may state more than fit into
+        # memory.
         room = PULSES_PER_BYTE * self._chunks.size // max(1, len(self.pulses))
         ticks = [np.empty(min(number, room), np.int64) for number in self.pulses]
         direction = [np.empty(len(each), np.int8) for each in ticks]
@@ -92,14 +118,20 @@ class PulseFile:
                 ticks[k][done[k] : end], direction[k][done[k] : end] = axis.ticks, axis.direction
                 done[k] = end
         for k in range(len(ticks)):
-            ticks[k].flags.writeable = direction[k].flags.writeable = False  # so that they are not copied
-        axes = (replace(axis, ticks=ticks[k], direction=direction[k]) for k, axis in enumerate(self.stated.axes))
+            ticks[k].flags.writeable = direction[k].flags.writeable = (
+                False  # so that they are not copied
+            )
+        axes = (
+            replace(axis, ticks=ticks[k], direction=direction[k])
+            for k, axis in enumerate(self.stated.axes)
+        )
         return replace(self.stated, axes=tuple(axes))
 
     def _decode(
         self, chunk: Chunk, contents: bytes, begin: int, left: Sequence[int]
     ) -> tuple[int, list[tuple[Ticks, Signs]]]:
-        """Return the tick that a chunk ends before, and the pulses of each axis from `begin` to there.
+        """Return the tick that a chunk ends before, and the pulses of each axis from `begin` to
+        there.
 
         left: how many pulses each axis has from `begin` on, as the mark states.
         """
@@ -107,15 +139,27 @@ class PulseFile:
             since, until, size = SPAN.unpack_from(contents)
             most = sum(AXIS.size + PULSE_BYTES * min(number, MAX_PART_PULSES) for number in left)
             if not 0 < size <= most:
-                raise ValueError(f"it states {size} bytes, and the pulses that are left have up to {most}")
+                raise ValueError(
+                    f"it states {size} bytes, and the pulses that are left have up to {most}"
+                )
             inflate = decompressobj()
             content = inflate.decompress(contents[SPAN.size :], size)
-            if since != begin or until < since or len(content) != size or not inflate.eof or inflate.unused_data:
+            if (
+                since != begin
+                or until < since
+                or len(content) != size
+                or not inflate.eof
+                or inflate.unused_data
+            ):
                 raise ValueError(f"its span {since} to {until} or its length do not fit")
             pulses, at = [], 0
             for number in left:
-                ticks, direction, at = _decode_axis(content, at, since, min(number, MAX_PART_PULSES))
-                rise = bool((ticks[1:] > ticks[:-1]).all())  # differences of damaged ticks could overflow
+                ticks, direction, at = _decode_axis(
+                    content, at, since, min(number, MAX_PART_PULSES)
+                )
+                rise = bool(
+                    (ticks[1:] > ticks[:-1]).all()
+                )  # differences of damaged ticks could overflow
                 if len(ticks) and not (since <= ticks[0] and ticks[-1] < until and rise):
                     raise ValueError("its ticks do not rise, or leave its span")
                 pulses.append((ticks, direction))
@@ -131,12 +175,16 @@ class PulseFile:
 
 
 def _decode_axis(content: bytes, at: int, begin: int, most: int) -> tuple[Ticks, Signs, int]:
-    """Return ticks and directions of an axis, and the place of the next. most: pulses that the axis may have."""
+    """Return ticks and directions of an axis, and the place of the next. most: pulses that the axis
+    may have.
+    """
     count, width, escaped = AXIS.unpack_from(content, at)
     if width not in ESCAPES:
         raise ValueError(f"its codes have {width} bytes")
     if count > most or escaped > count:
-        raise ValueError(f"it states {count} pulses of which {escaped} are apart, and there are {most} at most")
+        raise ValueError(
+            f"it states {count} pulses of which {escaped} are apart, and there are {most} at most"
+        )
     at += AXIS.size
     narrow = np.frombuffer(content, f"<u{width}", count, at)
     at += count * width
@@ -176,7 +224,9 @@ def open_pulses(path: str | PathLike[str]) -> PulseFile:
     try:
         return _interpret(chunks)
     except (KeyError, TypeError, ValueError, MotionError) as error:
-        raise FileError(str(path), [Fault("", f"states no pulse schedule: {error!r}; write it again")]) from None
+        raise FileError(
+            str(path), [Fault("", f"states no pulse schedule: {error!r}; write it again")]
+        ) from None
 
 
 @check_arguments()
@@ -202,7 +252,10 @@ def read_pulses(path: str | PathLike[str]) -> PulseSchedule:
 
 
 def _interpret(chunks: ChunkFile) -> PulseFile:
-    """Return what a file states. Raises KeyError, TypeError, ValueError or MotionError for what no writer states."""
+    """Return what a file states.
+
+    Raises KeyError, TypeError, ValueError or MotionError for what no writer states.
+    """
     head, mark = chunks.head, chunks.mark
     axes = tuple(_read_axis(*pair) for pair in zip(head["axes"], mark["bound"], strict=True))
     clock, duration = read_number(head["clock_hz"], 1.0), read_number(mark["duration"], 0.0)
@@ -222,7 +275,9 @@ def _interpret(chunks: ChunkFile) -> PulseFile:
     pulses = tuple(read_integer(number, 0) for number in mark["pulses"])
     final = tuple(read_integer(number) for number in mark["final"])
     if not len(pulses) == len(final) == len(axes):
-        raise ValueError(f"{len(axes)} axes, pulses of {len(pulses)} and final counts of {len(final)}")
+        raise ValueError(
+            f"{len(axes)} axes, pulses of {len(pulses)} and final counts of {len(final)}"
+        )
     return PulseFile(stated, pulses, final, read_integer(mark["until"], 0), chunks)
 
 

@@ -1,4 +1,6 @@
-"""A motion that comes in parts, as the check of its pulses goes through it: a few parts at a time are held."""
+"""A motion that comes in parts, as the check of its pulses goes through it: a few parts at a time
+are held.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,7 +16,9 @@ from planner.pulses.motion import AxesMotion, MotionState, SingleAxisMotion
 
 @dataclass(frozen=True, slots=True)
 class PlacedMotion:
-    """A part of a motion from `begin` to `end`, s since the start of the whole; knots: its own, since that start."""
+    """A part of a motion from `begin` to `end`, s since the start of the whole; knots: its own,
+    since that start.
+    """
 
     motion: AxesMotion
     begin: float
@@ -30,10 +34,12 @@ class PlacedMotion:
 
 
 class RollingMotion:
-    """The parts of a motion, each with a time that begins at 0, one after the other on the time of the whole.
+    """The parts of a motion, each with a time that begins at 0, one after the other on the time of
+    the whole.
 
     duration  s, as the schedule states it: that of all parts
-    The sum of the parts' durations is kept exactly. What was forgotten, or has not come yet, cannot be asked for.
+    The sum of the parts' durations is kept exactly. What was forgotten, or has not come yet, cannot
+    be asked for.
     """
 
     def __init__(self, parts: Iterable[AxesMotion], duration: float) -> None:
@@ -78,7 +84,9 @@ class RollingMotion:
         t = np.atleast_1d(np.asarray(asked, float))
         known = self._held[0].begin if self._held else np.inf, np.inf if self._all else self.end
         if len(t) and not (known[0] <= t.min() and t.max() <= known[1]):
-            raise MotionError("a motion is checked part by part: what was asked for is not held any more, or not yet")
+            raise MotionError(
+                "a motion is checked part by part: what was asked for is not held any more, or not yet"
+            )
         whose = np.searchsorted([part.begin for part in self._held], t, side="right") - 1
         found: list[tuple[NDArray[np.intp], MotionState, int | None]] = []
         for n in np.unique(whose):
@@ -94,7 +102,9 @@ class RollingMotion:
 
 
 class _RollingState:
-    def __init__(self, size: int, found: list[tuple[NDArray[np.intp], MotionState, int | None]]) -> None:
+    def __init__(
+        self, size: int, found: list[tuple[NDArray[np.intp], MotionState, int | None]]
+    ) -> None:
         self._size, self._found = size, found
 
     def _gather(self, name: str) -> Array:

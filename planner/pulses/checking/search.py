@@ -18,13 +18,15 @@ from planner.pulses.checking.verdict import PulseFault
 from planner.pulses.motion import AxesMotion, MotionState, SingleAxisMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 
-HALF_TICK = 0.501  # what rounding to a whole tick may take, and a thousandth for the arithmetic of both sides
+# what rounding to a whole tick may take, and a thousandth for the arithmetic of both sides
+HALF_TICK = 0.501
 X_ROUNDING = 64 * np.finfo(float).eps
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """x and its three derivatives (pulses, s) at instants t (N,); the count from t on, and the way of the last pulse.
+    """x and its three derivatives (pulses, s) at instants t (N,); the count from t on, and the way
+    of the last pulse.
 
     way  +1 or -1, 0 before the first pulse
     """
@@ -41,7 +43,9 @@ class Samples:
         return Samples(*(getattr(self, part.name)[which] for part in fields(self)))
 
     def followed_by(self, other: "Samples") -> "Samples":
-        return Samples(*(np.concatenate((getattr(self, p.name), getattr(other, p.name))) for p in fields(self)))
+        return Samples(
+            *(np.concatenate((getattr(self, p.name), getattr(other, p.name))) for p in fields(self))
+        )
 
     def travel(self, time: float) -> Array:
         """(N,) pulses that x runs in so long (s)."""
@@ -72,7 +76,9 @@ class Standard(ABC):
 
     @property
     def begins(self) -> tuple[float, float]:
-        """Pulses by which x may be below and above the count that it starts with: any, if not exact."""
+        """Pulses by which x may be below and above the count that it starts with: any, if not
+        exact.
+        """
         return (0.5, 0.5) if self.exact else (np.inf, np.inf)
 
     def sides(self, search: "Search", s: Samples) -> tuple[Array, Array]:
@@ -82,7 +88,9 @@ class Standard(ABC):
 
     @abstractmethod
     def judge(self, search: "Search", ticks: Ticks, sign: Array, s: Samples, first: int) -> None:
-        """The next pulses (N,), sampled when they fire, the first of them the first-th of the axis; report faults."""
+        """The next pulses (N,), sampled when they fire, the first of them the first-th of the axis;
+        report faults.
+        """
 
     def conclude(self, search: "Search") -> None:  # noqa: B027  most have told it by then
         """The motion has ended: report what is missing."""
@@ -90,13 +98,14 @@ class Standard(ABC):
 
 @dataclass(slots=True)
 class Search:
-    """One axis of a schedule, its motion, and what has been found so far: pulses, the latest, the closest two (ticks).
+    """One axis of a schedule, its motion, and what has been found so far: pulses, the latest, the
+    closest two (ticks).
 
     back, begun (ticks): the closest two of which the second goes back; the first pulse. interval:
     the last so far.
 
-    grid (s): what is still to be looked at; count, way: after the pulses so far; last: the last sample (1,).
-    drift: pulses, the largest s·dx/ds, as which rounding of s shows in x; found once.
+    grid (s): what is still to be looked at; count, way: after the pulses so far; last: the last
+    sample (1,). drift: pulses, the largest s·dx/ds, as which rounding of s shows in x; found once.
     moved: pulses found where their drive's timing moved them to, at least and at most.
     """
 
@@ -129,7 +138,9 @@ class Search:
     def note_drift(self, motion: AxesMotion) -> None:
         """Look how rounding of s shows in x: on the motion, or on a part of it."""
         share = motion.duration / self.motion.duration if self.motion.duration > 0 else 1.0
-        t = np.linspace(0.0, motion.duration, max(PART_INSTANTS, ceil(SLOPE_INSTANTS * min(share, 1.0))))
+        t = np.linspace(
+            0.0, motion.duration, max(PART_INSTANTS, ceil(SLOPE_INSTANTS * min(share, 1.0)))
+        )
         state, k = _ask(motion, t, self.k)
         way, change = abs(np.diff(state.s)), abs(np.diff(state.q[:, k])) / self.axis.pulse
         far = float(abs(state.s).max())
@@ -164,7 +175,9 @@ class Search:
         return np.maximum(own, DRIFT_ROUNDING * self.drift)
 
     def excess(self, s: Samples) -> Array:
-        """(N,) pulses by which x is farther from the count than its sides, waiting and rounding not allowed for."""
+        """(N,) pulses by which x is farther from the count than its sides, waiting and rounding not
+        allowed for.
+        """
         below, above = self.standard.sides(self, s)
         return np.asarray(np.maximum(s.x - s.count - above, s.count - below - s.x))
 
@@ -173,10 +186,13 @@ class Search:
         room = max(0, MAX_LISTED_FAULTS - self.kinds[kind])
         self.kinds[kind] += len(ticks)
         for tick, value in zip(ticks[:room], values[:room], strict=True):
-            self.faults.append(PulseFault(self.axis.name, int(tick), f"{kind}: {text.format(value)}"))
+            self.faults.append(
+                PulseFault(self.axis.name, int(tick), f"{kind}: {text.format(value)}")
+            )
 
     def due(self, ticks: Ticks, error: Array, tolerance: Array, near: NDArray[np.bool_]) -> None:
-        """Report pulses further from where they are due (error, ticks) than a tolerance, but for those that were moved.
+        """Report pulses further from where they are due (error, ticks) than a tolerance, but for
+        those that were moved.
 
         near (N,): the motion is at the pulse's level within the largest shift that is stated.
         """
@@ -186,7 +202,10 @@ class Search:
         off = abs(error) > tolerance
         moved = off & near & (stated > 0)
         found, possible = self.moved
-        self.moved = found + int(moved.sum()), possible + int((abs(error) > tolerance - 0.002).sum())
+        self.moved = (
+            found + int(moved.sum()),
+            possible + int((abs(error) > tolerance - 0.002).sum()),
+        )
         self.time_error = max(self.time_error, float(abs(error[~moved]).max(initial=0.0)))
         late = off & ~moved
         self.report("off its crossing", ticks[late], "{:+.4g} ticks", error[late])
@@ -205,7 +224,11 @@ class Search:
 
 def _ask(motion: AxesMotion, t: Array, axis: int) -> tuple[MotionState, int]:
     """What the motion says, and where in it the axis is."""
-    return (motion.axis_at(t, axis), 0) if isinstance(motion, SingleAxisMotion) else (motion.at(t), axis)
+    return (
+        (motion.axis_at(t, axis), 0)
+        if isinstance(motion, SingleAxisMotion)
+        else (motion.at(t), axis)
+    )
 
 
 def find_reversals(sign: Array | Signs, way: int) -> NDArray[np.bool_]:
@@ -219,11 +242,18 @@ def check_band(search: Search, s: Samples) -> None:
     told = beyond - s.travel(max(wait, search.tick))
     search.position_error = max(search.position_error, float(told.max(initial=0.0)))
     out = ~(beyond <= s.travel(wait))
-    search.report("far from its count", np.rint(s.t[out] / search.tick), "{:.6g} pulses", abs(s.x - s.count)[out])
+    search.report(
+        "far from its count",
+        np.rint(s.t[out] / search.tick),
+        "{:.6g} pulses",
+        abs(s.x - s.count)[out],
+    )
 
 
 def check_between(search: Search, chain: Samples) -> None:
-    """Halve the intervals between samples in which x might turn outside the band, and look there."""
+    """Halve the intervals between samples in which x might turn outside the band, and look
+    there.
+    """
     a, b = chain[:-1], chain[1:]
     while len(a.t):
         span = b.t - a.t

@@ -19,8 +19,8 @@ class LineTimes:
     """The least times (s) on the lines of an axis; ∞ where there is nothing to time.
 
     high, low    that STEP stays at each level, low between two pulses
-    setup, hold  from a change of DIR (the file's first level: from time 0) to the next rise of STEP, and from a rise to
-                 the next change
+    setup, hold  from a change of DIR (the file's first level: from time 0) to the next rise of
+                 STEP, and from a rise to the next change
     interval     from rise to rise
     """
 
@@ -36,18 +36,20 @@ class LineTimes:
 class AxisCheck:
     """The findings on one axis.
 
-    time_error         ticks, largest |pulse - where its rule has it| (the true crossing, a look, a listed step), but of
-                       pulses that were moved apart; inf where the motion crosses no level there; None under
-                       a rule or bound of which nothing else is known
-    position_error     pulses, largest |count - (q - home)/pulse| beyond the bound + one tick's travel; 0 within
+    time_error         ticks, largest |pulse - where its rule has it| (the true crossing, a look, a
+                       listed step), but of pulses that were moved apart; inf where the motion
+                       crosses no level there; None under a rule or bound of which nothing else is
+                       known
+    position_error     pulses, largest |count - (q - home)/pulse| beyond the bound + one tick's
+                       travel; 0 within
     smallest_interval  s between two pulses; inf with fewer than two
     final_error        pulses, the last count - where the motion ends; 0 within the bound
     faults             the first few of each kind; fault_count counts all
     lines              the least times on its lines, where a file was checked
     smallest_reversal  s between two pulses of which the second goes back; inf where none does
     first              s from the beginning to the first pulse; inf where there is none
-    behind             pulses, largest |axis - planned| behind the play and the screw that its pulses make up for; None
-                       where they make up for none
+    behind             pulses, largest |axis - planned| behind the play and the screw that its
+                       pulses make up for; None where they make up for none
     """
 
     name: str
@@ -98,7 +100,9 @@ class PulseCheck:
 
     @property
     def highest_rate(self) -> float:
-        """Pulses per second, between the two closest pulses of any one axis; 0 where no axis has two."""
+        """Pulses per second, between the two closest pulses of any one axis; 0 where no axis has
+        two.
+        """
         return 1 / self.smallest_interval if self.smallest_interval > 0 else np.inf
 
     @property

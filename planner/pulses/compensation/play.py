@@ -1,4 +1,6 @@
-"""Where an axis is in its play: the turns that it makes, and the steps in which its motor crosses the play at them."""
+"""Where an axis is in its play: the turns that it makes, and the steps in which its motor crosses
+the play at them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,9 +24,11 @@ Step = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class TurnSearch:
-    """How far the turns of an axis are known: it runs one way from an extreme, or is on its way back from there.
+    """How far the turns of an axis are known: it runs one way from an extreme, or is on its way
+    back from there.
 
-    Runs back by less than half a pulse turn nothing. Before its first move an axis has come from where `pushed` says.
+    Runs back by less than half a pulse turn nothing. Before its first move an axis has come from
+    where `pushed` says.
 
     way       it was going last, +1 or -1
     extreme   m or rad, the farthest that way; reached, left: s, when it came there and when it left
@@ -41,8 +45,11 @@ class TurnSearch:
     farthest: float = 0.0
     unturned: float = 0.0
 
-    def find(self, stretches: Stretches, axis: Axis, noise: float, since: float) -> "tuple[list[Turn], TurnSearch]":
-        """The turns on stretches that begin at a time (s) or later, and how far those behind them are known.
+    def find(
+        self, stretches: Stretches, axis: Axis, noise: float, since: float
+    ) -> "tuple[list[Turn], TurnSearch]":
+        """The turns on stretches that begin at a time (s) or later, and how far those behind them
+        are known.
 
         noise: m or rad that is none of the motion. Where stretches are cut makes no difference.
         """
@@ -77,7 +84,8 @@ class TurnSearch:
 
 @dataclass(frozen=True, slots=True)
 class Play:
-    """Where an axis is in its play at the seam of two parts of a motion; times (s) count from there.
+    """Where an axis is in its play at the seam of two parts of a motion; times (s) count from
+    there.
 
     search   its turns
     waiting  turns whose step is not known yet: more time behind them might make it longer
@@ -97,13 +105,17 @@ class Play:
         return cls(TurnSearch(float(f"{axis.pushed}1"), q, 0.0, 0.0))
 
     def shift(self, time: float) -> "Play":
-        """The same where the clock begins later by a time (s): steps that are over by then are only counted."""
+        """The same where the clock begins later by a time (s): steps that are over by then are only
+        counted.
+        """
         over = [step for step in self.steps if step[0] + step[1] <= time]
         return Play(
             self.search.shift(time),
             tuple((arrives - time, leaves - time, way) for arrives, leaves, way in self.waiting),
             None if self.left is None else self.left - time,
-            tuple((start - time, span, way) for start, span, way in self.steps if start + span > time),
+            tuple(
+                (start - time, span, way) for start, span, way in self.steps if start + span > time
+            ),
             self.taken + sum(way for *_, way in over),
         )
 
@@ -117,10 +129,12 @@ class Play:
         search: TurnSearch,
         x: float,
     ) -> "Play":
-        """Where the axis `name` is in its play at a time t (s), at x (m or rad from home), for another motion.
+        """Where the axis `name` is in its play at a time t (s), at x (m or rad from home), for
+        another motion.
 
-        Of the motion that it leaves: all steps, those of this play first, and all turns found, of which `known` are
-        found before t; the search there. Raises MotionError where a step has begun before the axis comes to its turn.
+        Of the motion that it leaves: all steps, those of this play first, and all turns found, of
+        which `known` are found before t; the search there. Raises MotionError where a step has
+        begun before the axis comes to its turn.
         """
         turns = [*self.waiting, *turns]
         own = steps[len(self.steps) :]
@@ -146,4 +160,6 @@ class Play:
         """(R, 3) the steps, with one before all others for the way of those that are over."""
         steps = np.array(self.steps, float).reshape(-1, 3)
         before = min(0.0, *steps[:, 0]) if len(steps) else 0.0
-        return steps if self.taken == 0 else np.concatenate(([[before - 2.0, 1.0, self.taken]], steps))
+        return (
+            steps if self.taken == 0 else np.concatenate(([[before - 2.0, 1.0, self.taken]], steps))
+        )

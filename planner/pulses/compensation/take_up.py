@@ -1,5 +1,5 @@
-"""Taking up play: where an axis turns round, when its motor crosses the play, and how gently, so that it keeps to what
-its axis' limits leave.
+"""Taking up play: where an axis turns round, when its motor crosses the play, and how gently, so
+that it keeps to what its axis' limits leave.
 """
 
 from dataclasses import dataclass, replace
@@ -19,8 +19,8 @@ from planner.pulses.schedule import Compensation
 
 # s that the play takes where the axis states no limits.
 DEFAULT_TAKE_UP_TIME = 0.01
-# Peak speed, acceleration (10/√3, at the places PEAK_SHARES) and jerk of the smooth step 10 u³ - 15 u⁴ + 6 u⁵, whose
-# ends are at rest to acceleration.
+# Peak speed, acceleration (10/√3, at the places PEAK_SHARES) and jerk of the smooth step 10 u³ - 15
+# u⁴ + 6 u⁵, whose ends are at rest to acceleration.
 PEAK_SPEED, PEAK_ACCELERATION, PEAK_JERK = 1.875, 10 / np.sqrt(3), 60.0
 PEAK_SHARES = (0.5 - np.sqrt(3) / 6, 0.5, 0.5 + np.sqrt(3) / 6)
 # Where a step is looked at, beside the knots of the motion.
@@ -31,9 +31,11 @@ BLOCK_INSTANTS = 1 << 14
 STEP_GROWTH = 1.1
 # What an advised rest is longer by than the least: its ends are known to rounding.
 REST_MARGIN = 1e-9
-# Times as long as a step may be for an axis' limits alone waits what the motors do, where the motion goes on.
+# Times as long as a step may be for an axis' limits alone waits what the motors do, where the
+# motion goes on.
 HELD_STEPS = 8
-# Where an acceleration that suffices is looked for: up to so many times what is stated, and to what share.
+# Where an acceleration that suffices is looked for: up to so many times what is stated, and to what
+# share.
 MAX_ACCELERATION_FACTOR, ACCELERATION_TOLERANCE = 1000, 1e-4
 # Halvings of a stretch in which an axis comes back to a place: its time is then known to rounding.
 RETURN_HALVINGS = 40
@@ -53,24 +55,28 @@ def take_up(
     since: float,
     last: bool,
 ) -> tuple[Play, float, Compensation]:
-    """Axis k in its play at the end of a motion that goes on from `play`, what is final of that, and what it costs.
+    """Axis k in its play at the end of a motion that goes on from `play`, what is final of that,
+    and what it costs.
 
-    since: s, up to which `play` has looked. Its steps are those of the motion; before the time (s) given with them
-    nothing will change; where the motion goes on, some time before its end, or before where the axis left an extreme
-    to which it may come back. last: the motion ends.
+    since: s, up to which `play` has looked. Its steps are those of the motion; before the time (s)
+    given with them nothing will change; where the motion goes on, some time before its end, or
+    before where the axis left an extreme to which it may come back. last: the motion ends.
 
-    Motion and take-up together keep max_speed, the pulse rate and take_up_acceleration (None: max_acceleration), as
-    seen at `STEP_SHARES` and at the knots of the motion. In a rest a step takes the least time in which it keeps them,
-    and jerk where there is time, right before the axis leaves.
-    Where the axis turns without a rest it is made longer until it fits, as long as the
-    axis is off by less than the play meanwhile (not to make up for it costs no more), and at most half-way to the next
-    turn: jerk is told there, not kept, for the time that it needs would leave the axis off by more. A screw's table is
-    in the speed, not in the acceleration.
-    Raises Infeasible where a step fits at no length: a motion that is at its limit while it turns has no room for any.
+    Motion and take-up together keep max_speed, the pulse rate and take_up_acceleration (None:
+    max_acceleration), as seen at `STEP_SHARES` and at the knots of the motion. In a rest a step
+    takes the least time in which it keeps them, and jerk where there is time, right before the axis
+    leaves. Where the axis turns without a rest it is made longer until it fits, as long as the axis
+    is off by less than the play meanwhile (not to make up for it costs no more), and at most
+    half-way to the next turn: jerk is told there, not kept, for the time that it needs would leave
+    the axis off by more. A screw's table is in the speed, not in the acceleration. Raises
+    Infeasible where a step fits at no length: a motion that is at its limit while it turns has no
+    room for any.
     """
     found, search = play.search.find(stretches, axis, noise, since)
     turns = [*play.waiting, *found]
-    none = Compensation(axis.name, axis.compensate, unturned=search.unturned if not last else _unturned(search))
+    none = Compensation(
+        axis.name, axis.compensate, unturned=search.unturned if not last else _unturned(search)
+    )
     play = replace(play, search=search, waiting=())
     hold = HELD_STEPS * max(_unloaded_step_time(axis) or DEFAULT_TAKE_UP_TIME, _gentle_time(axis))
     until = motion.duration if last else (search.left if search.gone else motion.duration) - hold
@@ -91,7 +97,12 @@ def take_up(
         if known < len(steps):
             play = replace(play, waiting=tuple(turns[known:]))
             until = min(until, leaves[known] - hold)
-        turning, steps, best, returns = turning[:known], steps[:known], best[:known], returns[:known]
+        turning, steps, best, returns = (
+            turning[:known],
+            steps[:known],
+            best[:known],
+            returns[:known],
+        )
     if not len(steps):
         return play, max(0.0, until), none
     seen = _sample_steps(motion, k, axis, steps, turning[:, 0])
@@ -108,8 +119,9 @@ def take_up(
 
 
 def refuse_carried(motion: AxesMotion, k: int, axis: Axis, play: Play) -> None:
-    """Raise MotionError where a step that another motion began does not keep the limits of axis k in this one, or is
-    not over with it."""
+    """Raise MotionError where a step that another motion began does not keep the limits of axis k
+    in this one, or is not over with it.
+    """
     if not play.steps:
         return
     over = max(start + span for start, span, _ in play.steps)
@@ -135,8 +147,9 @@ def _gentle_time(axis: Axis) -> float:
 def _fit_steps(
     motion: AxesMotion, k: int, axis: Axis, turns: Array, before: Array, after: Array
 ) -> tuple[Array, Array]:
-    """(R, 3) the steps about turns (R, 3), each from `before` to `after` (R,) at most, and the largest share (R,) of
-    its limits that each takes."""
+    """(R, 3) the steps about turns (R, 3), each from `before` to `after` (R,) at most, and the
+    largest share (R,) of its limits that each takes.
+    """
     arrives, leaves, way = turns.T
     gentle = _gentle_time(axis)
     time = np.minimum(_unloaded_step_time(axis) or DEFAULT_TAKE_UP_TIME, after - before)
@@ -153,7 +166,9 @@ def _fit_steps(
         share, off = seen.share(axis, len(todo)), seen.step_travel(len(todo))
         better = (share < best[todo]) & ((off <= axis.backlash) | np.isinf(best[todo]))
         steps[todo[better]], best[todo[better]] = tried[better], share[better]
-        todo = todo[(best[todo] > LIMIT_SLACK) & (off < axis.backlash) & (span < after[todo] - before[todo])]
+        todo = todo[
+            (best[todo] > LIMIT_SLACK) & (off < axis.backlash) & (span < after[todo] - before[todo])
+        ]
         time[todo] = np.minimum(time[todo] * STEP_GROWTH, after[todo] - before[todo])
     return steps, best
 
@@ -161,8 +176,8 @@ def _fit_steps(
 def _find_returns(motion: AxesMotion, k: int, steps: Array, stretches: Stretches) -> Array:
     """Return the time (R,) s from which on each step (R, 3) leaves axis k where it should be.
 
-    The motor pushes the axis until the step begins, and from its end on. The axis stays at the place of the
-    beginning until it comes back there, which may be after the end of the step.
+    The motor pushes the axis until the step begins, and from its end on. The axis stays at the
+    place of the beginning until it comes back there, which may be after the end of the step.
     """
     begin, span, way = steps.T
     ends = begin + span
@@ -232,7 +247,9 @@ def _bounds(axis: Axis) -> tuple[Magnitude | None, Magnitude | None]:
 
 
 def _unloaded_step_time(axis: Axis) -> float:
-    """s in which a step from rest to rest keeps the limits of speed and acceleration; 0 where there are none."""
+    """s in which a step from rest to rest keeps the limits of speed and acceleration; 0 where there
+    are none.
+    """
     speed, acceleration = _bounds(axis)
     return max(
         PEAK_SPEED * axis.backlash / min(directional_bounds(speed)),
@@ -242,7 +259,9 @@ def _unloaded_step_time(axis: Axis) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _StepSamples:
-    """Where steps were looked at: which step (M,), when, the axis' place, and its motor's speed and acceleration."""
+    """Where steps were looked at: which step (M,), when, the axis' place, and its motor's speed and
+    acceleration.
+    """
 
     step: NDArray[np.intp]
     t: Array
@@ -257,19 +276,25 @@ class _StepSamples:
         return share
 
     def step_travel(self, count: int) -> Array:
-        """(count,) m or rad of the axis' way during each step: it stays within that of where it should be."""
+        """(count,) m or rad of the axis' way during each step: it stays within that of where it
+        should be.
+        """
         low, high = np.full(count, np.inf), np.full(count, -np.inf)
         np.minimum.at(low, self.step, self.q)
         np.maximum.at(high, self.step, self.q)
         return np.asarray(high - low)
 
     def largest(self, axis: Axis) -> list[tuple[float, float | None, float]]:
-        """Of speed and acceleration: the one nearest to its limit (the largest where it has none), that, and when."""
+        """Of speed and acceleration: the one nearest to its limit (the largest where it has none),
+        that, and when.
+        """
         found = []
         for rate, bound in zip(self.rates, _bounds(axis), strict=True):
             limit = _side_bound(rate, bound)
             n = int(np.argmax(abs(rate) if bound is None else abs(rate) / limit))
-            found.append((float(abs(rate[n])), None if bound is None else float(limit[n]), float(self.t[n])))
+            found.append(
+                (float(abs(rate[n])), None if bound is None else float(limit[n]), float(self.t[n]))
+            )
         return found
 
 
@@ -278,27 +303,46 @@ def _side_bound(rate: Array, bound: Magnitude | None) -> Array:
     return np.where(rate > 0, above, below)
 
 
-def _sample_steps(motion: AxesMotion, k: int, axis: Axis, steps: Array, turn: Array) -> _StepSamples:
-    """Steps as `STEP_SHARES` at, when the axis turns, and on both sides of the knots that lie in them: there q̈ may
-    jump."""
+def _sample_steps(
+    motion: AxesMotion, k: int, axis: Axis, steps: Array, turn: Array
+) -> _StepSamples:
+    """Steps as `STEP_SHARES` at, when the axis turns, and on both sides of the knots that lie in
+    them: there q̈ may jump.
+    """
     knots = np.asarray(motion.knots)
     start, time, way = steps.T
     first, last = np.searchsorted(knots, start), np.searchsorted(knots, start + time, side="right")
     inside = np.repeat(np.arange(len(steps)), last - first)
-    ordinal = np.arange(len(inside)) - np.repeat(np.cumsum(last - first) - (last - first), last - first)
+    ordinal = np.arange(len(inside)) - np.repeat(
+        np.cumsum(last - first) - (last - first), last - first
+    )
     at = knots[first[inside] + ordinal]
     every, turns = np.arange(len(steps)), np.clip(turn, start, start + time)
     step = np.concatenate([np.repeat(every, len(STEP_SHARES)), every, inside, inside])
-    t = np.concatenate([(start[:, None] + time[:, None] * STEP_SHARES).ravel(), turns, at, np.nextafter(at, -np.inf)])
+    t = np.concatenate(
+        [
+            (start[:, None] + time[:, None] * STEP_SHARES).ravel(),
+            turns,
+            at,
+            np.nextafter(at, -np.inf),
+        ]
+    )
     t = np.clip(t, 0.0, motion.duration)
     q, qd, qdd = np.concatenate(
-        [_axis_state(motion, k, t[i : i + BLOCK_INSTANTS]) for i in range(0, len(t), BLOCK_INSTANTS)], axis=1
+        [
+            _axis_state(motion, k, t[i : i + BLOCK_INSTANTS])
+            for i in range(0, len(t), BLOCK_INSTANTS)
+        ],
+        axis=1,
     )
     u = np.clip((t - start[step]) / time[step], 0.0, 1.0)
     made = _step(u, time[step]) * way[step]
-    # the motor's speed on the steepest and the gentlest part of its screw's table, whichever is faster
+    # the motor's speed on the steepest and the gentlest part of its screw's table, whichever is
+    # faster
     steep, gentle = qd * axis.motor_ratio + made[1], qd / axis.axis_ratio + made[1]
-    return _StepSamples(step, t, q, (np.where(abs(steep) > abs(gentle), steep, gentle), qdd + made[2]))
+    return _StepSamples(
+        step, t, q, (np.where(abs(steep) > abs(gentle), steep, gentle), qdd + made[2])
+    )
 
 
 def _axis_state(motion: AxesMotion, k: int, t: Array) -> Array:
@@ -307,7 +351,12 @@ def _axis_state(motion: AxesMotion, k: int, t: Array) -> Array:
 
 
 def _refuse(
-    motion: AxesMotion, k: int, axis: Axis, turns: Array, seen: _StepSamples, room: tuple[Array, Array]
+    motion: AxesMotion,
+    k: int,
+    axis: Axis,
+    turns: Array,
+    seen: _StepSamples,
+    room: tuple[Array, Array],
 ) -> None:
     """Raise Infeasible for the larger excess of speed and acceleration."""
     names = ("speed", f"{axis.unit}/s"), ("acceleration", f"{axis.unit}/s^2")
@@ -336,13 +385,19 @@ def _refuse(
     raise Infeasible(f"{name} with play taken up", axis.name, place, value, limit, unit, remedy)
 
 
-def _find_acceleration(motion: AxesMotion, k: int, axis: Axis, turns: Array, room: tuple[Array, Array]) -> str | None:
-    """The least acceleration of the unloaded motor, to four digits, with which every step fits; None: none helps."""
+def _find_acceleration(
+    motion: AxesMotion, k: int, axis: Axis, turns: Array, room: tuple[Array, Array]
+) -> str | None:
+    """The least acceleration of the unloaded motor, to four digits, with which every step fits;
+    None: none helps.
+    """
 
     spans = tuple(side[: len(turns)] for side in room)
 
     def fits(acceleration: float) -> bool:
-        _, best = _fit_steps(motion, k, replace(axis, take_up_acceleration=acceleration), turns, *spans)
+        _, best = _fit_steps(
+            motion, k, replace(axis, take_up_acceleration=acceleration), turns, *spans
+        )
         return bool(best.max() <= LIMIT_SLACK)
 
     stated = low = high = min(directional_bounds(_bounds(axis)[1]))

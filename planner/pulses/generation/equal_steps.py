@@ -1,4 +1,5 @@
-"""The ramp of [Sasidhar 1981, 5.2]: the count of the timer is changed by a constant after each pulse.
+"""The ramp of [Sasidhar 1981, 5.2]: the count of the timer is changed by a constant after each
+pulse.
 
 Between two rests of an axis, N pulses share T timer counts, as many as the motion has. With the
 least count m of the motion and the constant d, the counts from pulse to pulse are
@@ -103,7 +104,9 @@ def _find_turn(motion: AxesMotion, k: int, low: float, high: float) -> float:
     return low
 
 
-def _time_run(motion: AxesMotion, run: Run, k: int, crossed: AxisPulses, ramp: tuple[int, int]) -> Ticks:
+def _time_run(
+    motion: AxesMotion, run: Run, k: int, crossed: AxisPulses, ramp: tuple[int, int]
+) -> Ticks:
     """Return the timer's counts (N,) from the start of the motion to each pulse of a run."""
     timer, step = ramp
     begin, end = ceil(run.begin * timer - 1e-6), floor(run.end * timer + 1e-6)
@@ -124,7 +127,8 @@ def _time_run(motion: AxesMotion, run: Run, k: int, crossed: AxisPulses, ramp: t
 
 
 def share_counts(pulses: int, total: int, least: int, step: int) -> Ticks | None:
-    """Return the counts (pulses,) of a run of `total` counts, none below `least`; None where they do not fit.
+    """Return the counts (pulses,) of a run of `total` counts, none below `least`; None where they
+    do not fit.
 
     The least count gives way where it does not leave a count for each pulse.
     """

@@ -1,4 +1,5 @@
-"""The plug point of the firing rules: when each axis of a motion is stepped; and the two that follow level crossings.
+"""The plug point of the firing rules: when each axis of a motion is stepped; and the two that
+follow level crossings.
 
 `nearest` steps an axis half-way between two counts, `floor` when it reaches one.
 """
@@ -15,9 +16,12 @@ from planner.pulses.generation.motion_parts import Fired, MotionPart
 
 
 class Rule(Protocol):
-    """A rule of firing. Its docstring says by how much a count may be from the motion; its schedules say it too.
+    """A rule of firing.
 
-    A rule is a frozen dataclass whose fields, made by `kinematics.foundation.options.option`, are its options.
+    Its docstring says by how much a count may be from the motion; its schedules say it too.
+
+    A rule is a frozen dataclass whose fields, made by `kinematics.foundation.options.option`, are
+    its options.
     """
 
     @property
@@ -28,14 +32,18 @@ class Rule(Protocol):
         return ""
 
     def grain(self, clock_hz: int, /) -> int:
-        """Ticks between the instants at which it can fire. Raises MotionError for a clock that it cannot run on."""
+        """Ticks between the instants at which it can fire.
+
+        Raises MotionError for a clock that it cannot run on.
+        """
         return 1
 
     def rates(self, axes: Sequence[Axis], clock_hz: int, /) -> list[float]:
-        """(n,) 1/s: the pulses that a motion may need of each axis, for it to fire none sooner than the axis takes it.
+        """(n,) 1/s: the pulses that a motion may need of each axis, for it to fire none sooner than
+        the axis takes it.
 
-        ∞ of an axis that states no rate. That of the axis itself, for a rule that fires on whole grains of ticks where
-        the motion asks for it.
+        ∞ of an axis that states no rate. That of the axis itself, for a rule that fires on whole
+        grains of ticks where the motion asks for it.
         """
         return [axis.held_rate(clock_hz, self.grain(clock_hz)) for axis in axes]
 
@@ -44,10 +52,16 @@ class Rule(Protocol):
 
 
 def describe_rule(rule: Rule) -> str:
-    """A rule as `find_rule` reads it, with the options that are not the default: "sampled:period=5e-05 s"."""
+    """A rule as `find_rule` reads it, with the options that are not the default:
+    "sampled:period=5e-05 s".
+    """
     kind: Any = type(rule)
     values = [(field, getattr(rule, name)) for name, field in options(kind).items()]
-    given = [f"{field.name}={value!r} {field.metadata['unit']}" for field, value in values if value != field.default]
+    given = [
+        f"{field.name}={value!r} {field.metadata['unit']}"
+        for field, value in values
+        if value != field.default
+    ]
     return f"{rule.name}:{','.join(map(str.rstrip, given))}" if given else rule.name
 
 
@@ -62,13 +76,14 @@ def require_whole(rule: Rule, part: MotionPart) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Nearest(Rule):
-    """A pulse wherever x = (q(t) - home)/pulse crosses k + ½, at the true crossing time rounded to the nearest tick.
+    """A pulse wherever x = (q(t) - home)/pulse crosses k + ½, at the true crossing time rounded to
+    the nearest tick.
 
     |count - x| ≤ ½ pulse + one tick's travel at all times, and the final counts are exact.
 
-    hysteresis h keeps an axis that hovers on a crossing from chattering: the first pulse after one the other way, and
-    the very first, fires h beyond its level. It costs |count - x| ≤ ½ + h. Below ½, so that a motion which ends on
-    a whole count ends with it.
+    hysteresis h keeps an axis that hovers on a crossing from chattering: the first pulse after one
+    the other way, and the very first, fires h beyond its level. It costs |count - x| ≤ ½ + h. Below
+    ½, so that a motion which ends on a whole count ends with it.
     """
 
     name: ClassVar[str] = "nearest"
@@ -76,7 +91,9 @@ class Nearest(Rule):
 
     def __post_init__(self) -> None:
         if not 0 <= self.hysteresis < 0.5:
-            raise MotionError(f"hysteresis {self.hysteresis!r} pulses: must be from 0 to below 0.5, e.g. 0.2")
+            raise MotionError(
+                f"hysteresis {self.hysteresis!r} pulses: must be from 0 to below 0.5, e.g. 0.2"
+            )
 
     def fire(self, part: MotionPart) -> Fired:
         """Raises as `planner.pulses.generation.levels.find_crossings` does."""
@@ -90,12 +107,13 @@ COUNT_ROUNDING = (
 
 @dataclass(frozen=True, slots=True)
 class Floor(Rule):
-    """A pulse wherever x = (q(t) - home)/pulse crosses a whole number: the count is the greatest not above x.
+    """A pulse wherever x = (q(t) - home)/pulse crosses a whole number: the count is the greatest
+    not above x.
 
     |count - x| ≤ 1 pulse + one tick's travel at all times.
 
-    A whole number counts as reached 0.002 pulse before it, so that rounding takes no pulse from a motion which
-    ends on one, and gives none to an axis that rests at home.
+    A whole number counts as reached 0.002 pulse before it, so that rounding takes no pulse from a
+    motion which ends on one, and gives none to an axis that rests at home.
     """
 
     name: ClassVar[str] = "floor"

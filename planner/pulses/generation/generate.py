@@ -26,7 +26,8 @@ def find_rule(text: str) -> Rule:
 
     Examples: "sampled", "sampled:period=50us", "dda:spacing=2ms,rate=200kHz".
 
-    Raises MotionError for an unknown name or option, with the nearest, and for a value that the rule refuses.
+    Raises MotionError for an unknown name or option, with the nearest, and for a value that the
+    rule refuses.
     """
     name, given = split_options(text, "firing rule")
     if name not in RULES:
@@ -49,14 +50,16 @@ def generate(
     progress: Progress = ignore_progress,
     sent: Sequence[SentPulses] = (),
 ) -> PulseSchedule:
-    """The pulses of a motion by a firing rule, on a clock of whole ticks, as far apart as the drives' timing asks.
+    """The pulses of a motion by a firing rule, on a clock of whole ticks, as far apart as the
+    drives' timing asks.
 
-    Axes that ask for compensation count what their motors have to do (`planner.pulses.compensation.compensate`): a
-    motion of motors is taken as it is.
-    home_q (n,) is the axis position from which pulses count; rule: one, or its name and options as
-    `planner.pulses.find_rule` reads them; progress is told how far it is; sent: what axes were sent before it begins,
-    which its pulses go on from. Raises Infeasible where the rule cannot keep
-    what it states, as where an axis would need more than one pulse per tick, MotionError where axes do not match.
+    Axes that ask for compensation count what their motors have to do
+    (`planner.pulses.compensation.compensate`): a motion of motors is taken as it is. home_q (n,) is
+    the axis position from which pulses count; rule: one, or its name and options as
+    `planner.pulses.find_rule` reads them; progress is told how far it is; sent: what axes were sent
+    before it begins, which its pulses go on from. Raises Infeasible where the rule cannot keep what
+    it states, as where an axis would need more than one pulse per tick, MotionError where axes do
+    not match.
     """
     home = np.asarray(home_q, float)
     width = trajectory.at(np.zeros(1)).q.shape[1]
@@ -64,16 +67,30 @@ def generate(
         given = f"{len(machine_axes)} machine axes, {width} axes of the motion, {home.size} home positions"
         raise MotionError(f"{given}: give one of each per axis")
     rule = find_rule(rule) if isinstance(rule, str) else rule
-    motion = trajectory if isinstance(trajectory, CompensatedMotion) else counted_motion(trajectory, machine_axes, home)
-    schedule = PulseStream(_Counted(machine_axes, home), clock_hz, rule, sent).add(motion, last=True, progress=progress)
-    return replace(schedule, compensations=motion.costs) if isinstance(motion, CompensatedMotion) else schedule
+    motion = (
+        trajectory
+        if isinstance(trajectory, CompensatedMotion)
+        else counted_motion(trajectory, machine_axes, home)
+    )
+    schedule = PulseStream(_Counted(machine_axes, home), clock_hz, rule, sent).add(
+        motion, last=True, progress=progress
+    )
+    return (
+        replace(schedule, compensations=motion.costs)
+        if isinstance(motion, CompensatedMotion)
+        else schedule
+    )
 
 
-def pace_axes(axes: Sequence[Axis], clock_hz: int, rule: str | Rule = "nearest") -> tuple[Axis, ...]:
-    """The axes with the pulse rates that a motion has to keep, for the rule's pulses to be as far apart as they state.
+def pace_axes(
+    axes: Sequence[Axis], clock_hz: int, rule: str | Rule = "nearest"
+) -> tuple[Axis, ...]:
+    """The axes with the pulse rates that a motion has to keep, for the rule's pulses to be as far
+    apart as they state.
 
-    Times of pulses are whole ticks of the clock (and of the rule's own): a drive that takes a pulse every 3.8 us takes
-    one every 4 us on a clock of 1 MHz. Raises MotionError for a clock that the rule cannot run on.
+    Times of pulses are whole ticks of the clock (and of the rule's own): a drive that takes a pulse
+    every 3.8 us takes one every 4 us on a clock of 1 MHz. Raises MotionError for a clock that the
+    rule cannot run on.
     """
     rule = find_rule(rule) if isinstance(rule, str) else rule
     return tuple(

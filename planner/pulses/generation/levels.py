@@ -1,4 +1,6 @@
-"""Pulses where a motion crosses evenly spaced levels, at the true crossing times rounded to whole ticks."""
+"""Pulses where a motion crosses evenly spaced levels, at the true crossing times rounded to whole
+ticks.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -44,7 +46,8 @@ Exact = Callable[[Array, Array], Array]
 class Levels:
     """One level between each two counts k and k+1, k + above pulses from home.
 
-    hysteresis  pulses: the first pulse after one the other way, and the very first, fires so much beyond its level
+    hysteresis  pulses: the first pulse after one the other way, and the very first, fires so much
+                beyond its level
     """
 
     above: float
@@ -59,13 +62,16 @@ class Levels:
 def find_crossings(part: MotionPart, levels: Levels) -> Fired:
     """A pulse of every axis wherever x = (q(t) - home)/pulse crosses a level, on the nearest tick.
 
-    - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9 pulse); a motion
-      that only touches a level, or rests or ends on it, does not fire. One that starts on a level has the lower count.
+    - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9
+      pulse); a motion that only touches a level, or rests or ends on it, does not fire. One that
+      starts on a level has the lower count.
     - Two opposite pulses whose crossings round to the same tick cancel: both are left out.
-    - A part goes on with the count of the one before: what rounding makes of x where they meet fires nothing. Where it
-      begins beyond a level, as behind pulses that were moved, its start is the count behind that.
+    - A part goes on with the count of the one before: what rounding makes of x where they meet
+      fires nothing. Where it begins beyond a level, as behind pulses that were moved, its start is
+      the count behind that.
     The part is told the pulses that are made of an axis, each a share of the whole.
-    Raises Infeasible where an axis needs more than one pulse per tick, MotionError where rounding drowns one.
+    Raises Infeasible where an axis needs more than one pulse per tick, MotionError where rounding
+    drowns one.
     """
     motion, axes, home, clock_hz = part.motion, part.axes, part.home, part.clock_hz
     begin, rest = part.split_tick()
@@ -86,7 +92,9 @@ def find_crossings(part: MotionPart, levels: Levels) -> Fired:
         counted[0] -= home[k]
         if part.counts:
             _refuse_jump(part, k, float(counted[0, 0]) / axis.pulse, levels)
-        stretches = cut_monotone(rest + pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k])
+        stretches = cut_monotone(
+            rest + pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k]
+        )
         count, way = (part.counts[k], part.ways[k]) if part.counts else (None, 0)
         if count is not None:
             count, way = _settle(float(stretches.ends[0]), slack[k], levels, count, way)
@@ -95,22 +103,47 @@ def find_crossings(part: MotionPart, levels: Levels) -> Fired:
         exact = partial(_polish_crossings, part, k)
         blur = UNSEEN_FACTOR * pieces.error[k] / pulse[k] + slack[k]
         made = _fire_pulses(
-            stretches, counts, levels, way, refuse, exact, blur, share_progress(part.tell, k, len(axes))
+            stretches,
+            counts,
+            levels,
+            way,
+            refuse,
+            exact,
+            blur,
+            share_progress(part.tell, k, len(axes)),
         )
         ways.append(int(made[1][-1]) if len(made[1]) else way)
         ticks, direction = cancel_pairs(*made, refuse)
         ticks += begin
         ticks.flags.writeable = direction.flags.writeable = False
-        fired.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k]), levels.bound))
+        fired.append(
+            AxisPulses(
+                axis.name,
+                ticks,
+                direction,
+                int(counts[0]),
+                axis.pulse,
+                float(home[k]),
+                levels.bound,
+            )
+        )
     return Fired(tuple(fired), tuple(ways), tuple(noise.tolist()))
 
 
-def _rate_error(trajectory: AxesMotion, axis: Axis, stretches: Stretches, clock_hz: int) -> Infeasible:
+def _rate_error(
+    trajectory: AxesMotion, axis: Axis, stretches: Stretches, clock_hz: int
+) -> Infeasible:
     """More than one pulse per tick: named where the rate is highest."""
     v = np.linspace(0.0, 1.0, 33)
-    rate = abs(derivative(stretches.coefficients).T @ v ** np.arange(5)[:, None]) / stretches.length[:, None]
+    rate = (
+        abs(derivative(stretches.coefficients).T @ v ** np.arange(5)[:, None])
+        / stretches.length[:, None]
+    )
     worst, nth = np.unravel_index(rate.argmax(), rate.shape)
-    t = float(stretches.start[worst] + stretches.length[worst] * v[nth] - stretches.start[0]) / clock_hz
+    t = (
+        float(stretches.start[worst] + stretches.length[worst] * v[nth] - stretches.start[0])
+        / clock_hz
+    )
     highest = max(float(rate.max()), 1.0) * clock_hz
     place = Place(float(trajectory.at(np.array([t])).s[0]), t=t, axis=axis.name)
     remedy = f"slow the motion, use a longer pulse, or a clock above {ceil(highest)} Hz"
@@ -118,7 +151,9 @@ def _rate_error(trajectory: AxesMotion, axis: Axis, stretches: Stretches, clock_
 
 
 def _refuse_jump(part: MotionPart, k: int, x: float, levels: Levels) -> None:
-    """Raise MotionError where an axis begins a part far from the count that the one before ended with."""
+    """Raise MotionError where an axis begins a part far from the count that the one before ended
+    with.
+    """
     off, most = x - part.counts[k], levels.bound + part.slip + REAL_JUMP
     if not abs(off) <= most:
         raise MotionError(
@@ -134,7 +169,8 @@ def _settle(x: float, slack: float, levels: Levels, count: int, way: int) -> tup
 
 
 def _follow_levels(x: Array, slack: float, levels: Levels, count: int | None, way: int) -> Ticks:
-    """The count at each end of the stretches: the one it came with, until x is beyond a level by more than `slack`.
+    """The count at each end of the stretches: the one it came with, until x is beyond a level by
+    more than `slack`.
 
     count, way: those it begins with, where it goes on from others.
     """
@@ -151,11 +187,17 @@ def _follow_levels(x: Array, slack: float, levels: Levels, count: int | None, wa
     return counts
 
 
-def _follow_with_hysteresis(x: Array, low: Ticks, high: Ticks, slack: float, levels: Levels, way: int) -> Ticks:
-    """The same with hysteresis: the first pulse the other way waits until x is so much further beyond its level."""
+def _follow_with_hysteresis(
+    x: Array, low: Ticks, high: Ticks, slack: float, levels: Levels, way: int
+) -> Ticks:
+    """The same with hysteresis: the first pulse the other way waits until x is so much further
+    beyond its level.
+    """
     count, counts = int(low[0]), low.copy()
     late = levels.hysteresis + slack
-    for i, (here, least, most) in enumerate(zip(x.tolist(), low.tolist(), high.tolist(), strict=True)):
+    for i, (here, least, most) in enumerate(
+        zip(x.tolist(), low.tolist(), high.tolist(), strict=True)
+    ):
         if least > count and (way > 0 or here > count + levels.above + late):
             count, way = least, 1
         elif most < count and (way < 0 or here < count - 1 + levels.above - late):
@@ -165,8 +207,15 @@ def _follow_with_hysteresis(x: Array, low: Ticks, high: Ticks, slack: float, lev
 
 
 def _polish_crossings(part: MotionPart, k: int, time: Array, level: Array) -> Array:
-    """Crossing times (N,) in ticks by the motion itself, from times that are good but not to the tick."""
-    motion, pulse, home, (_, rest_tick) = part.motion, part.axes[k].pulse, float(part.home[k]), part.split_tick()
+    """Crossing times (N,) in ticks by the motion itself, from times that are good but not to the
+    tick.
+    """
+    motion, pulse, home, (_, rest_tick) = (
+        part.motion,
+        part.axes[k].pulse,
+        float(part.home[k]),
+        part.split_tick(),
+    )
     nearest, least = time.copy(), np.full(len(time), np.inf)
     rest = np.arange(len(time))
     for _ in range(NEWTON_STEPS):
@@ -176,7 +225,9 @@ def _polish_crossings(part: MotionPart, k: int, time: Array, level: Array) -> Ar
         nearest[rest[nearer]], least[rest] = time[nearer], np.minimum(abs(off), least[rest])
         with np.errstate(divide="ignore", invalid="ignore"):
             step = off / (state.qd[:, k] / pulse / part.clock_hz)
-        moves = nearer & np.isfinite(step) & (abs(step) > POLISHED_TICKS)  # at a turning point the nearest stays
+        moves = (
+            nearer & np.isfinite(step) & (abs(step) > POLISHED_TICKS)
+        )  # at a turning point the nearest stays
         if not moves.any():
             break
         rest, time = rest[moves], (time - step)[moves]
@@ -193,9 +244,11 @@ def _fire_pulses(
     blur: float,
     tell: Progress,
 ) -> tuple[Ticks, Signs]:
-    """Tick and direction of every level between the counts at both ends of each stretch; way: of the pulse before.
+    """Tick and direction of every level between the counts at both ends of each stretch; way: of
+    the pulse before.
 
-    Where the blur (pulses) of the stretches might turn the rounding to the other tick, `exact` decides.
+    Where the blur (pulses) of the stretches might turn the rounding to the other tick, `exact`
+    decides.
     """
     change = np.diff(counts)
     sign: Ticks = np.sign(change)
@@ -230,7 +283,13 @@ def _fire_pulses(
         unsure = np.flatnonzero(tick < blurred[part].take(index))
         if len(unsure):
             stretch = part.start + index[unsure]
-            doubts.append((lo + unsure, v[unsure], stretches.coefficients[0, stretch] + sign[stretch] * height[unsure]))
+            doubts.append(
+                (
+                    lo + unsure,
+                    v[unsure],
+                    stretches.coefficients[0, stretch] + sign[stretch] * height[unsure],
+                )
+            )
         tell(hi, len(ticks))
     if doubts:  # together: the motion tells of a few instants hardly faster than of many
         place, time, level = (np.concatenate(parts) for parts in zip(*doubts, strict=True))
@@ -239,7 +298,9 @@ def _fire_pulses(
 
 
 def _find_reversals(sign: Ticks, way: int) -> NDArray[np.bool_]:
-    """(S,) the stretches whose first pulse is the very first of all (way 0), or follows one the other way."""
+    """(S,) the stretches whose first pulse is the very first of all (way 0), or follows one the
+    other way.
+    """
     turned = np.zeros(len(sign), bool)
     firing = np.flatnonzero(sign)
     turned[firing] = np.diff(sign[firing], prepend=way) != 0
@@ -247,7 +308,8 @@ def _find_reversals(sign: Ticks, way: int) -> NDArray[np.bool_]:
 
 
 def _blocks(pulses: Ticks) -> Iterator[tuple[int, int, slice, NDArray[np.intp], Ticks]]:
-    """Blocks lo to hi of the pulses: their stretches (S,), which of these each is on, and the number there of lo (S,).
+    """Blocks lo to hi of the pulses: their stretches (S,), which of these each is on, and the
+    number there of lo (S,).
 
     That number is negative for the stretches that begin later.
     """
@@ -255,13 +317,18 @@ def _blocks(pulses: Ticks) -> Iterator[tuple[int, int, slice, NDArray[np.intp], 
     begin, total = end - pulses, int(end[-1])
     for lo in range(0, total, BLOCK_PULSES):
         hi = min(lo + BLOCK_PULSES, total)
-        part = slice(int(np.searchsorted(end, lo, side="right")), int(np.searchsorted(end, hi, side="left")) + 1)
+        part = slice(
+            int(np.searchsorted(end, lo, side="right")),
+            int(np.searchsorted(end, hi, side="left")) + 1,
+        )
         inside = np.minimum(end[part], hi) - np.maximum(begin[part], lo)
         yield lo, hi, part, np.repeat(np.arange(len(inside)), inside), lo - begin[part]
 
 
 def cancel_pairs(ticks: Ticks, direction: Signs, refuse: Refuse) -> tuple[Ticks, Signs]:
-    """Leave out the pairs of opposite pulses in one tick: the excursion between them is below one tick's travel."""
+    """Leave out the pairs of opposite pulses in one tick: the excursion between them is below one
+    tick's travel.
+    """
     while True:
         same = np.flatnonzero(ticks[1:] <= ticks[:-1])
         if not len(same):

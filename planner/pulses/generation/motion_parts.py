@@ -1,6 +1,8 @@
-"""Parts of a motion, whose pulses are made one part after the other: where one begins, and its pulses.
+"""Parts of a motion, whose pulses are made one part after the other: where one begins, and its
+pulses.
 
-The end of a part, which the next one may still need, is stored as polynomials, so that the part itself can be dropped.
+The end of a part, which the next one may still need, is stored as polynomials, so that the part
+itself can be dropped.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,13 +28,15 @@ TICK_BITS = 52
 
 @dataclass(frozen=True, slots=True)
 class MotionPart:
-    """A part of the motion of axes, whose time begins at 0 again, and what was counted and fired before it.
+    """A part of the motion of axes, whose time begins at 0 again, and what was counted and fired
+    before it.
 
     home      (n,) axis positions from which pulses count
     tick      ticks since the start of the whole, exact: parts begin at no whole tick
     counts    of the axes; ways: of the last pulse of each, 0 for none. Empty for the first part
     noise     (n,) m or rad: the largest that rounding made of the motion before it
-    slip      pulses by which the counts may be farther from its start than the rule leaves them: some were moved
+    slip      pulses by which the counts may be farther from its start than the rule leaves them:
+              some were moved
     last      the motion ends with the part
     tell      how far the pulses are
     """
@@ -60,16 +64,20 @@ class MotionPart:
         return self.tick + Fraction(self.motion.duration) * self.clock_hz
 
     def split_tick(self) -> tuple[int, float]:
-        """`tick` as an even number and the rest of it: even, so that halves are rounded as in the whole."""
+        """`tick` as an even number and the rest of it: even, so that halves are rounded as in the
+        whole.
+        """
         whole = 2 * floor(self.tick / 2)
         return whole, float(self.tick - whole)
 
 
 def refuse_long(duration: float, clock_hz: int) -> None:
-    """Raise Infeasible for a motion (s) so long that float64 instants of it no longer tell the clock's ticks apart.
+    """Raise Infeasible for a motion (s) so long that float64 instants of it no longer tell the
+    clock's ticks apart.
 
-    Below 2ᵉ s instants lie 2^(e − 53) s apart. A pulse is due within half a tick of its crossing, so that has to be
-    half a tick at most: 2ᵉ ≤ 2⁵² / clock. Whole ticks, below 2⁵² then, are exact in float64 and int64.
+    Below 2ᵉ s instants lie 2^(e − 53) s apart. A pulse is due within half a tick of its crossing,
+    so that has to be half a tick at most: 2ᵉ ≤ 2⁵² / clock. Whole ticks, below 2⁵² then, are exact
+    in float64 and int64.
     """
     longest = 2.0 ** (frexp(2.0**TICK_BITS / clock_hz)[1] - 1)
     if duration <= longest:
@@ -82,7 +90,8 @@ def refuse_long(duration: float, clock_hz: int) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Fired:
-    """The pulses of a part, their ticks on the clock of the whole, and which way each axis went last, 0 for neither.
+    """The pulses of a part, their ticks on the clock of the whole, and which way each axis went
+    last, 0 for neither.
 
     noise (n,) m or rad: the largest that rounding has made of the motion up to its end
     rule  as the schedule states it, where it has options that the rule chose
@@ -96,7 +105,9 @@ class Fired:
 
 @dataclass(frozen=True, slots=True)
 class MotionSpan:
-    """What a motion does from `since` to `until` (s of its own time); s: path length to be added to its own."""
+    """What a motion does from `since` to `until` (s of its own time); s: path length to be added to
+    its own.
+    """
 
     motion: AxesMotion
     since: float
@@ -108,7 +119,8 @@ class MotionSpan:
 class JoinedMotion:
     """Spans of motions one after the other; its time begins at 0.
 
-    knots  (M+1,) s; of each interval between them: whose (M,) span it is of, and its ends (2, M) in that one's time
+    knots  (M+1,) s; of each interval between them: whose (M,) span it is of, and its ends (2, M) in
+           that one's time
     """
 
     spans: tuple[MotionSpan, ...]
@@ -127,7 +139,12 @@ class JoinedMotion:
             whose.append(np.full(len(own) - 1, n))
             ends.append(np.stack([own[:-1], own[1:]]))
             begin = float(knots[-1][-1]) if len(own) > 1 else begin
-        return cls(spans, freeze_array(np.concatenate(knots)), np.concatenate(whose), np.concatenate(ends, axis=1))
+        return cls(
+            spans,
+            freeze_array(np.concatenate(knots)),
+            np.concatenate(whose),
+            np.concatenate(ends, axis=1),
+        )
 
     @property
     def duration(self) -> float:
@@ -137,13 +154,16 @@ class JoinedMotion:
         t = np.atleast_1d(t)
         k = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.whose) - 1)
         low, high = self.ends[:, k]
-        # the last instant before a knot stays before it: there a state belongs to the interval on its right
+        # the last instant before a knot stays before it: there a state belongs to the interval on
+        # its right
         most = np.where(t < self.knots[k + 1], np.nextafter(high, low), high)
         own = np.clip(low + (t - self.knots[k]), low, most)
         found = []
         for n, span in enumerate(self.spans):
             here = np.flatnonzero(self.whose[k] == n)
-            if len(here) or not len(own):  # of no instants, any motion tells how many axes there are
+            if len(here) or not len(
+                own
+            ):  # of no instants, any motion tells how many axes there are
                 found.append((here, span.motion.at(own[here]), span.s))
         return _JoinedState(len(own), found)
 
@@ -151,7 +171,9 @@ class JoinedMotion:
 class _JoinedState:
     """States of several motions as one: each is asked only for what is wanted."""
 
-    def __init__(self, size: int, found: Sequence[tuple[NDArray[np.intp], MotionState, float]]) -> None:
+    def __init__(
+        self, size: int, found: Sequence[tuple[NDArray[np.intp], MotionState, float]]
+    ) -> None:
         self._size, self._found = size, found
 
     def _gather(self, value: Callable[[MotionState, float], Array]) -> Array:
@@ -184,7 +206,8 @@ class _JoinedState:
 
 @dataclass(frozen=True, slots=True)
 class PieceMotion:
-    """A motion of quintic pieces q(t) = Σ c_i uⁱ, u = (t - knots[p]) / length of piece p; linear in path length s.
+    """A motion of quintic pieces q(t) = Σ c_i uⁱ, u = (t - knots[p]) / length of piece p; linear in
+    path length s.
 
     knots (P+1,) s, from 0; coefficients (n, 6, P); path (P+1,) path length at the knots
     """
@@ -198,7 +221,9 @@ class PieceMotion:
 
     @classmethod
     def of(cls, motion: AxesMotion, tolerance: Array) -> "PieceMotion":
-        """The same motion, to rounding; tolerance (n,) as in `planner.pulses.generation.pieces.fit`, and it raises."""
+        """The same motion, to rounding; tolerance (n,) as in
+        `planner.pulses.generation.pieces.fit`, and it raises.
+        """
         pieces = fit(motion, tolerance)
         knots = np.append(pieces.start, pieces.start[-1] + pieces.length[-1])
         return cls(knots, pieces.coefficients, np.asarray(motion.at(knots).s, float))

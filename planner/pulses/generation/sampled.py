@@ -1,4 +1,6 @@
-"""The firing rule `sampled`: at each period, one pulse towards the motion if it is more than half a pulse away."""
+"""The firing rule `sampled`: at each period, one pulse towards the motion if it is more than half a
+pulse away.
+"""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,10 +21,12 @@ from planner.pulses.schedule import AxisPulses, Ticks
 
 @dataclass(frozen=True, slots=True)
 class Sampled(Rule):
-    """At every period Δt, where |x - count| > ½, one pulse towards x = (q(t) - home)/pulse [Motion 2-D, 4.4.b].
+    """At every period Δt, where |x - count| > ½, one pulse towards x = (q(t) - home)/pulse [Motion
+    2-D, 4.4.b].
 
     |count - x| ≤ ½ + max|ẋ|·Δt, + one tick's travel. An axis gets one pulse a period at most, so one that runs faster
-    than 1/Δt would fall behind: it is refused. The last instant is the end of the motion, so the final counts are
+    than 1/Δt would fall behind: it is refused. The last instant is the end of the motion, so the
+    final counts are
     exact; the first is less than Δt after the start.
     """
 
@@ -47,8 +51,9 @@ class Sampled(Rule):
         return period
 
     def fire(self, part: MotionPart) -> Fired:
-        """Raises Infeasible for an axis faster than a pulse a period, MotionError for a period of no whole ticks, and
-        for a part of a motion."""
+        """Raises Infeasible for an axis faster than a pulse a period, MotionError for a period of
+        no whole ticks, and for a part of a motion.
+        """
         require_whole(self, part)
         motion, axes, home, clock_hz = part.motion, part.axes, part.home, part.clock_hz
         pulse = np.array([axis.pulse for axis in axes])
@@ -58,7 +63,9 @@ class Sampled(Rule):
             speed, t = bound_rate(pieces, k, 1)
             rate = speed / axis.pulse
             if rate * self.period > 1:
-                raise rate_error(motion, axis, t, rate, 1 / self.period, _describe_remedy(rate, clock_hz))
+                raise rate_error(
+                    motion, axis, t, rate, 1 / self.period, _describe_remedy(rate, clock_hz)
+                )
             widest.append(0.5 + rate * self.period)
         ticks, counts = self._counts(motion, home, pulse, clock_hz, part.tell)
         fired = []
@@ -67,13 +74,17 @@ class Sampled(Rule):
             at = np.flatnonzero(change)
             sign = change[at].astype(np.int8)
             start = int(counts[0, k])
-            fired.append(AxisPulses(axis.name, ticks[at], sign, start, axis.pulse, float(home[k]), widest[k]))
+            fired.append(
+                AxisPulses(axis.name, ticks[at], sign, start, axis.pulse, float(home[k]), widest[k])
+            )
         return Fired(tuple(fired), (0,) * len(fired))
 
     def _counts(
         self, motion: AxesMotion, home: Array, pulse: Array, clock_hz: int, tell: Progress
     ) -> tuple[Ticks, Ticks]:
-        """The instants (N,) in ticks, and the counts (N+1, axes) before the first and after each."""
+        """The instants (N,) in ticks, and the counts (N+1, axes) before the first and after
+        each.
+        """
         period = self.grain(clock_hz)
         end = round(motion.duration * clock_hz)
         ticks = np.arange(end % period, end + 1, period, dtype=np.int64)
@@ -94,6 +105,8 @@ def _describe_remedy(rate: float, clock_hz: int) -> str:
     """rate: pulses/s that no period may be longer for."""
     ticks = int(clock_hz / rate)
     shorter = (
-        f"a period of {1e6 * ticks / clock_hz:.10g} us or less" if ticks else "a faster clock and a shorter period"
+        f"a period of {1e6 * ticks / clock_hz:.10g} us or less"
+        if ticks
+        else "a faster clock and a shorter period"
     )
     return f"slow the motion, use a longer pulse, or {shorter}"

@@ -1,4 +1,6 @@
-"""What axes were sent before a motion begins: the pulses of a stop, or of the way on, go on from there."""
+"""What axes were sent before a motion begins: the pulses of a stop, or of the way on, go on from
+there.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,22 +14,29 @@ from planner.pulses.schedule import AxisPulses, PulseSchedule
 
 @dataclass(frozen=True, slots=True)
 class SentPulses:
-    """Of an axis before a tick: the count that its pulses lead to, and the last of them, its ticks from that tick."""
+    """Of an axis before a tick: the count that its pulses lead to, and the last of them, its ticks
+    from that tick.
+    """
 
     count: int
     last: GivenPulse | None = None
 
 
-def find_sent(schedule: PulseSchedule, tick: int, before: Sequence[SentPulses] = ()) -> tuple[SentPulses, ...]:
+def find_sent(
+    schedule: PulseSchedule, tick: int, before: Sequence[SentPulses] = ()
+) -> tuple[SentPulses, ...]:
     """What a schedule sends before a tick; before: what was sent before it begins.
 
-    Where its next pulse goes the other way, DIR may have been turned for that: it is not known how it stands.
+    Where its next pulse goes the other way, DIR may have been turned for that: it is not known how
+    it stands.
     """
     found = []
     for k, axis in enumerate(schedule.axes):
         n = int(np.searchsorted(axis.ticks, tick))
         earlier = before[k].last if before else None
-        found.append(SentPulses(axis.start + int(axis.direction[:n].sum()), _last(axis, n, tick, earlier)))
+        found.append(
+            SentPulses(axis.start + int(axis.direction[:n].sum()), _last(axis, n, tick, earlier))
+        )
     return tuple(found)
 
 
@@ -48,8 +57,9 @@ def _last(axis: AxisPulses, n: int, tick: int, earlier: GivenPulse | None) -> Gi
 def go_on(k: int, fired: AxisPulses, sent: int, gaps: LeastGaps, travel: Travel) -> AxisPulses:
     """The pulses of axis k behind a count that was sent, where pulses were moved across the start.
 
-    One that was to come before it is due at once. One that came early is not sent again, if it is due that soon. The
-    bound is wider by what the count is off until then. Raises MotionError where more than one is missing.
+    One that was to come before it is due at once. One that came early is not sent again, if it is
+    due that soon. The bound is wider by what the count is off until then. Raises MotionError where
+    more than one is missing.
     """
     missing = fired.start - sent
     if missing == 0:
@@ -66,4 +76,6 @@ def go_on(k: int, fired: AxisPulses, sent: int, gaps: LeastGaps, travel: Travel)
         ticks = np.concatenate([[due], fired.ticks])
         direction = np.concatenate([[missing], fired.direction])
     off = abs(travel(k, [0, due])[0] - fired.home / fired.pulse - sent).max()
-    return replace(fired, ticks=ticks, direction=direction, start=sent, bound=max(fired.bound, float(off)))
+    return replace(
+        fired, ticks=ticks, direction=direction, start=sent, bound=max(fired.bound, float(off))
+    )

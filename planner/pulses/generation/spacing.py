@@ -1,12 +1,13 @@
 """Pulses closer together than their axis takes are moved apart, by the least that does.
 
-They are as far apart as the pulse rate and the `timing` of the axis ask; those the other way may have to be farther.
-Where an axis states a speed alone, these are 4 µs apart, or as pulses at that speed are. The largest shift is the least
-possible: with G the sum of the gaps needed up to each pulse and y = t - G, the new y is half-way between the largest
-before and the smallest after, the monotone sequence nearest to y in its worst entry.
+They are as far apart as the pulse rate and the `timing` of the axis ask; those the other way may
+have to be farther. Where an axis states a speed alone, these are 4 µs apart, or as pulses at that
+speed are. The largest shift is the least possible: with G the sum of the gaps needed up to each
+pulse and y = t - G, the new y is half-way between the largest before and the smallest after, the
+monotone sequence nearest to y in its worst entry.
 
-What comes later moves a pulse only if no room is between: pulses of a part are held back for HELD_GAPS gaps, and what
-was given before stays where it is.
+What comes later moves a pulse only if no room is between: pulses of a part are held back for
+HELD_GAPS gaps, and what was given before stays where it is.
 """
 
 from collections.abc import Callable
@@ -26,9 +27,13 @@ MAX_WIDENING = 0.5
 TRAVEL_INSTANTS = 9
 """Looked at between where a pulse was and where it goes: the motion may turn there."""
 DEFAULT_REVERSAL_GAP = 4e-6
-"""s from a pulse to the next one the other way of an axis that states a speed alone: a STEP of 2 µs, a low as long."""
+"""s from a pulse to the next one the other way of an axis that states a speed alone: a STEP of 2
+µs, a low as long.
+"""
 HELD_GAPS = 32
-"""Of the longest gaps that an axis asks for: so long before the end of a part its pulses wait for the next."""
+"""Of the longest gaps that an axis asks for: so long before the end of a part its pulses wait for
+the next.
+"""
 
 Travel = Callable[[int, ArrayLike], tuple[Array, Array]]
 """(axis, ticks (N,)) -> its motion there in pulses (N,), and the path length."""
@@ -36,10 +41,11 @@ Travel = Callable[[int, ArrayLike], tuple[Array, Array]]
 
 @dataclass(frozen=True, slots=True)
 class GivenPulse:
-    """The last pulse of an axis that was given: when it was due, when it comes and would come at the earliest if none
-    were moved ahead (ticks), and its direction.
+    """The last pulse of an axis that was given: when it was due, when it comes and would come at
+    the earliest if none were moved ahead (ticks), and its direction.
 
-    A negative tick is one before the start, of another motion; stands: DIR is as that pulse asked for it still.
+    A negative tick is one before the start, of another motion; stands: DIR is as that pulse asked
+    for it still.
     """
 
     due: int
@@ -51,7 +57,9 @@ class GivenPulse:
 
 @dataclass(frozen=True, slots=True)
 class HeldPulses:
-    """What has been fired of an axis and may still be moved: ticks when it is due, and directions; given: before it."""
+    """What has been fired of an axis and may still be moved: ticks when it is due, and directions;
+    given: before it.
+    """
 
     ticks: Ticks
     direction: Signs
@@ -60,8 +68,9 @@ class HeldPulses:
 
 @dataclass(frozen=True, slots=True)
 class LeastGaps:
-    """Least ticks of an axis from a pulse to the next one the same way and the other way, and from the start, when DIR
-    is set, to the first; all pulses stay whole multiples of `grain` apart."""
+    """Least ticks of an axis from a pulse to the next one the same way and the other way, and from
+    the start, when DIR is set, to the first; all pulses stay whole multiples of `grain` apart.
+    """
 
     straight: int
     back: int
@@ -74,7 +83,12 @@ class LeastGaps:
         if axis.max_pulse_rate is None and axis.timing is None and axis.max_speed is not None:
             least = min(DEFAULT_REVERSAL_GAP, axis.pulse / max(directional_bounds(axis.max_speed)))
             back = max(back, -(-ceil_ticks(least, clock_hz) // grain) * grain)
-        return cls(straight, back, 0 if axis.timing is None else ceil_ticks(axis.timing.setup, clock_hz), grain)
+        return cls(
+            straight,
+            back,
+            0 if axis.timing is None else ceil_ticks(axis.timing.setup, clock_hz),
+            grain,
+        )
 
     @property
     def hold(self) -> int:
@@ -89,11 +103,14 @@ class LeastGaps:
             needed[:1] = self.setup
         elif held.given.tick < 0 and (not held.given.stands or (held.direction[:1] != way).any()):
             # DIR is turned at the start of this motion, at the earliest
-            needed[:1] = np.maximum(needed[:1], -(-(self.setup - held.given.tick) // self.grain) * self.grain)
+            needed[:1] = np.maximum(
+                needed[:1], -(-(self.setup - held.given.tick) // self.grain) * self.grain
+            )
         return np.asarray(needed, np.int64)
 
     def space(self, held: HeldPulses, since: int, end: int | None) -> tuple[Ticks, Ticks]:
-        """(N,) ticks of the pulses held, none before `since` or behind the end, and the earliest that they might have.
+        """(N,) ticks of the pulses held, none before `since` or behind the end, and the earliest
+        that they might have.
 
         end: None where the motion goes on.
         """
@@ -115,14 +132,20 @@ class LeastGaps:
             first = max(first, -(-(given.tick - offset) // grain))
             before = np.maximum.accumulate(np.maximum(free, -(-(given.earliest - offset) // grain)))
         after = np.minimum.accumulate(free[::-1])[::-1]
-        last = np.iinfo(np.int64).max if end is None else max((end - offset) // grain - needed[-1], first)
+        last = (
+            np.iinfo(np.int64).max
+            if end is None
+            else max((end - offset) // grain - needed[-1], first)
+        )
         spaced: Ticks = (np.clip((before + after) // 2, first, last) + needed) * grain + offset
         return spaced, (before + needed) * grain + offset
 
 
 @dataclass(frozen=True, slots=True)
 class Spaced:
-    """Pulses of an axis that stay (N,), those that are still held, and what moving them costs so far."""
+    """Pulses of an axis that stay (N,), those that are still held, and what moving them costs so
+    far.
+    """
 
     ticks: Ticks
     direction: Signs
@@ -144,8 +167,9 @@ def space_pulses(
 ) -> Spaced:
     """The pulses of axis k before a tick, as far apart as it takes them; the others are held.
 
-    since: before which all are given. until: None gives all. end: tick at which the motion ends, if it does. moved:
-    what it cost before. Raises Infeasible where a count would be off by more than half a pulse beyond its bound.
+    since: before which all are given. until: None gives all. end: tick at which the motion ends, if
+    it does. moved: what it cost before. Raises Infeasible where a count would be off by more than
+    half a pulse beyond its bound.
     """
     if not len(held.ticks):
         return Spaced(held.ticks, held.direction, held, moved)
@@ -163,14 +187,19 @@ def space_pulses(
         worst = int(np.argmax(error))
         if error[worst] > MAX_WIDENING:
             raise _spacing_error(held, int(late[worst]), k, axis, gaps, clock_hz, travel)
-        farthest, widened = float(abs(ticks[late] - due[late]).max()) / clock_hz, float(error[worst])
+        farthest, widened = (
+            float(abs(ticks[late] - due[late]).max()) / clock_hz,
+            float(error[worst]),
+        )
         t = float(due[late[worst]]) / clock_hz
         if moved is not None:
             farthest = max(farthest, moved.time)
             widened, t = (widened, t) if widened > moved.error else (moved.error, moved.t)
         many = len(late) + (0 if moved is None else moved.pulses)
         moved = MovedPulses(axis.name, many, farthest, widened, t, widened * axis.pulse)
-    due_at, tick, soonest, way = (int(each[count - 1]) for each in (due, ticks, earliest, direction))
+    due_at, tick, soonest, way = (
+        int(each[count - 1]) for each in (due, ticks, earliest, direction)
+    )
     given = GivenPulse(due_at, tick, soonest, way)
     rest = replace(held, ticks=held.ticks[count:], direction=held.direction[count:], given=given)
     return Spaced(ticks[:count], direction, rest, moved)
@@ -180,15 +209,24 @@ def _spacing_error(
     held: HeldPulses, which: int, k: int, axis: Axis, gaps: LeastGaps, clock_hz: int, travel: Travel
 ) -> Infeasible:
     """What an axis cannot take: where, how fast, and what it would."""
-    # of the times up to each pulse, the first from when DIR is set, the one too short that is nearest to the one moved
+    # of the times up to each pulse, the first from when DIR is set, the one too short that is
+    # nearest to the one moved
     had = np.diff(held.ticks, prepend=0 if held.given is None else held.given.due)
     needed = gaps.list_needed(held)
-    turns = np.diff(held.direction, prepend=held.direction[0] if held.given is None else held.given.direction) != 0
+    turns = (
+        np.diff(
+            held.direction,
+            prepend=held.direction[0] if held.given is None else held.given.direction,
+        )
+        != 0
+    )
     short = np.flatnonzero(had < needed)
     first = int(short[np.argmin(abs(short - which))]) if len(short) else which
     time, least = had[first] / clock_hz, needed[first] / clock_hz
     place = Place(
-        float(travel(k, held.ticks[first : first + 1])[1][0]), t=float(held.ticks[first]) / clock_hz, axis=axis.name
+        float(travel(k, held.ticks[first : first + 1])[1][0]),
+        t=float(held.ticks[first]) / clock_hz,
+        axis=axis.name,
     )
     who = "it" if axis.timing is None else "its drive"
     what, limit = "pulse rate" if axis.timing is None else "drive timing", 1 / least

@@ -1,4 +1,5 @@
-"""The start/stop rate of a stepper: up to it the motor starts, stops and turns at once [Sasidhar 1981, figure 3-2].
+"""The start/stop rate of a stepper: up to it the motor starts, stops and turns at once [Sasidhar
+1981, figure 3-2].
 
 Beyond it (the slew region) the rate may only change gradually: from one interval between pulses to
 the next at most by a factor of two, which motion at constant acceleration from rest stays below
@@ -22,7 +23,9 @@ ROUNDING = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """The last pulse of an axis so far, and the interval before it: ∞ at rest and after a turn; ticks."""
+    """The last pulse of an axis so far, and the interval before it: ∞ at rest and after a turn;
+    ticks.
+    """
 
     tick: float = -np.inf
     interval: float = np.inf
@@ -40,10 +43,14 @@ def begin_pace(axis: Axis, speed: float, clock_hz: int) -> Pace:
     return Pace(-interval, interval, int(np.sign(speed)))
 
 
-def follow_pulses(pace: Pace, pulses: AxisPulses, axis: Axis, clock_hz: int, end: float | None) -> Pace:
-    """Return the pace after pulses; raise Infeasible where they start, stop or turn faster than the axis can.
+def follow_pulses(
+    pace: Pace, pulses: AxisPulses, axis: Axis, clock_hz: int, end: float | None
+) -> Pace:
+    """Return the pace after pulses; raise Infeasible where they start, stop or turn faster than the
+    axis can.
 
-    end  the interval in ticks with which the axis goes on after the last of them; None where more pulses follow
+    end  the interval in ticks with which the axis goes on after the last of them; None where more
+         pulses follow
     """
     if axis.start_stop_rate is None or not len(pulses):
         return pace
@@ -57,18 +64,26 @@ def follow_pulses(pace: Pace, pulses: AxisPulses, axis: Axis, clock_hz: int, end
     before = np.concatenate([[pace.interval], intervals[:-1]])
     _refuse_jump(before, intervals, after, axis, clock_hz)
     made = len(pulses) - 1
-    return replace(pace, tick=float(ticks[-1]), interval=float(intervals[made]), way=int(pulses.direction[-1]))
+    return replace(
+        pace, tick=float(ticks[-1]), interval=float(intervals[made]), way=int(pulses.direction[-1])
+    )
 
 
 def _refuse_jump(before: Array, after: Array, ticks: Ticks, axis: Axis, clock_hz: int) -> None:
-    """Raise Infeasible at the first two intervals in turn that jump in rate beyond the start/stop rate."""
+    """Raise Infeasible at the first two intervals in turn that jump in rate beyond the start/stop
+    rate.
+    """
     least = clock_hz / (axis.start_stop_rate or np.inf)
     shorter, longer = np.minimum(before, after), np.maximum(before, after)
-    jumps = np.flatnonzero((shorter < least - ROUNDING) & (longer > MAX_RATE_RATIO * shorter + ROUNDING))
+    jumps = np.flatnonzero(
+        (shorter < least - ROUNDING) & (longer > MAX_RATE_RATIO * shorter + ROUNDING)
+    )
     if not len(jumps):
         return
     n = int(jumps[0])
     place = Place(0.0, t=float(ticks[n]) / clock_hz, axis=axis.name)
     rate = float(clock_hz / shorter[n])
     remedy = "lower the axis' acceleration, or take another firing rule: the motor would lose steps"
-    raise Infeasible("start/stop rate", axis.name, place, rate, axis.start_stop_rate or 0.0, "1/s", remedy)
+    raise Infeasible(
+        "start/stop rate", axis.name, place, rate, axis.start_stop_rate or 0.0, "1/s", remedy
+    )

@@ -1,8 +1,10 @@
-"""The pulses of a motion part by part: joined they are those of the whole, and memory is bounded by the part.
+"""The pulses of a motion part by part: joined they are those of the whole, and memory is bounded by
+the part.
 
-Each part's time begins at 0; ticks count from the start of the whole. The sum of the parts' durations is kept exactly,
-as a fraction: no rounding drifts, however many parts there are. What the next part may still change, a pulse that has
-to be moved apart from one behind the seam or cancels with it, is held back and given with it.
+Each part's time begins at 0; ticks count from the start of the whole. The sum of the parts'
+durations is kept exactly, as a fraction: no rounding drifts, however many parts there are. What the
+next part may still change, a pulse that has to be moved apart from one behind the seam or cancels
+with it, is held back and given with it.
 """
 
 from collections.abc import Sequence
@@ -36,11 +38,17 @@ from planner.pulses.generation.sent import SentPulses, go_on
 from planner.pulses.generation.spacing import HeldPulses, LeastGaps, Spaced, space_pulses
 from planner.pulses.generation.start_stop import Pace, begin_pace, follow_pulses, interval_at
 from planner.pulses.motion import AxesMotion, MotorMotion
-from planner.pulses.schedule import AxisPulses, Compensation, MovedPulses, PulseSchedule, refuse_counter
+from planner.pulses.schedule import (
+    AxisPulses,
+    Compensation,
+    MovedPulses,
+    PulseSchedule,
+    refuse_counter,
+)
 from planner.trajectory import Trajectory
 
-# Pulses by which counts may be off where a motion goes on behind another's: they were moved by half of one at most, and
-# the other half is left to how two motions differ.
+# Pulses by which counts may be off where a motion goes on behind another's: they were moved by half
+# of one at most, and the other half is left to how two motions differ.
 MAX_SLIP = 1.0
 
 
@@ -58,7 +66,8 @@ class _Reached:
     """Where a stream stands: what the next part goes on from.
 
     tick    where it begins, in ticks; s: path length there
-    counts  of the axes up to there; ways: of the last pulse of each; noise: m or rad, the largest of each
+    counts  of the axes up to there; ways: of the last pulse of each; noise: m or rad, the largest
+            of each
     given   the counts that the pulses given lead to; held: of each axis, the others
     bounds  of the counts, so far; moved: what moving pulses apart cost
     until   tick before which all pulses are given
@@ -87,13 +96,15 @@ class _Reached:
 class PulseStream:
     """The pulses of a motion that comes in parts, by a firing rule, on a clock of whole ticks.
 
-    A part goes on where the one before ended, with a time and, if it likes, a path length that begin at 0 again. The
-    first goes on behind what another motion sent, if anything.
+    A part goes on where the one before ended, with a time and, if it likes, a path length that
+    begin at 0 again. The first goes on behind what another motion sent, if anything.
     """
 
     __slots__ = ("_clock_hz", "_gaps", "_machine", "_paces", "_reached", "_rule")
 
-    def __init__(self, machine: CountedMachine, clock_hz: int, rule: Rule, sent: Sequence[SentPulses] = ()) -> None:
+    def __init__(
+        self, machine: CountedMachine, clock_hz: int, rule: Rule, sent: Sequence[SentPulses] = ()
+    ) -> None:
         """Raises MotionError for a clock that the rule cannot run on."""
         self._machine, self._clock_hz, self._rule = machine, clock_hz, rule
         grain = rule.grain(clock_hz)
@@ -104,8 +115,12 @@ class PulseStream:
         reached = _Reached((none,) * width, (None,) * width, (0.0,) * width)
         if sent:
             last, counts = [one.last for one in sent], tuple(one.count for one in sent)
-            reached = replace(reached, held=tuple(replace(none, given=one) for one in last), given=counts)
-            if not rule.whole_reason:  # else it begins anew: that asks for the count beside the one sent, at most
+            reached = replace(
+                reached, held=tuple(replace(none, given=one) for one in last), given=counts
+            )
+            if (
+                not rule.whole_reason
+            ):  # else it begins anew: that asks for the count beside the one sent, at most
                 ways = tuple(0 if one is None else one.direction for one in last)
                 reached = replace(reached, counts=counts, ways=ways)
         self._reached = reached
@@ -116,30 +131,48 @@ class PulseStream:
         return self._reached.until
 
     def copy(self) -> "PulseStream":
-        """Another stream that stands where this one does: for the pulses of a stop that the next part replaces."""
+        """Another stream that stands where this one does: for the pulses of a stop that the next
+        part replaces.
+        """
         made = PulseStream(self._machine, self._clock_hz, self._rule)
         made._reached, made._paces = self._reached, self._paces
         return made
 
-    def add(self, motion: AxesMotion, last: bool = False, progress: Progress = ignore_progress) -> PulseSchedule:
-        """The pulses of the next part of the motion, as far as they are final, with those held back before.
+    def add(
+        self, motion: AxesMotion, last: bool = False, progress: Progress = ignore_progress
+    ) -> PulseSchedule:
+        """The pulses of the next part of the motion, as far as they are final, with those held back
+        before.
 
-        Ticks and the duration, which is where the part ends, count from the start of the whole; start counts are those
-        reached by the pulses given before; bound and cost are those up to now. last: the motion ends with the part.
-        Raises Infeasible where the rule cannot keep what it states, as where an axis would need more than one pulse per
-        tick, with the place on the whole; MotionError for a part that does not go on from the one before, and for a
-        rule that makes no pulses of parts. The stream then stands where it stood.
+        Ticks and the duration, which is where the part ends, count from the start of the whole;
+        start counts are those reached by the pulses given before; bound and cost are those up to
+        now. last: the motion ends with the part. Raises Infeasible where the rule cannot keep what
+        it states, as where an axis would need more than one pulse per tick, with the place on the
+        whole; MotionError for a part that does not go on from the one before, and for a rule that
+        makes no pulses of parts. The stream then stands where it stood.
         """
         now, machine = self._reached, self._machine
         if now.ended:
             raise MotionError("the motion has ended: begin another stream for another motion")
-        if motion.duration * self._clock_hz > 2.0 ** (TICK_BITS - 1):  # up to there none is too long
+        if motion.duration * self._clock_hz > 2.0 ** (
+            TICK_BITS - 1
+        ):  # up to there none is too long
             refuse_long(motion.duration, self._clock_hz)
         along = motion.at(np.array([0.0, motion.duration])).s
         offset, home = now.s - float(along[0]), np.asarray(machine.home_q, float)
         slip = MAX_SLIP if now.given and not now.tick else 0.0
         part = MotionPart(
-            motion, machine.axes, home, self._clock_hz, now.tick, now.counts, now.ways, now.noise, slip, last, progress
+            motion,
+            machine.axes,
+            home,
+            self._clock_hz,
+            now.tick,
+            now.counts,
+            now.ways,
+            now.noise,
+            slip,
+            last,
+            progress,
         )
         reached = replace(now, tick=part.end_tick, s=offset + float(along[1]), ended=bool(last))
         if any(axis.compensate for axis in machine.axes) and not isinstance(motion, MotorMotion):
@@ -152,13 +185,19 @@ class PulseStream:
         schedule, self._reached = self._fire(part, offset, reached)
         return schedule
 
-    def _compensate(self, part: MotionPart, offset: float, reached: _Reached) -> tuple[MotionPart | None, _Reached]:
-        """What the motors do, as far as that is final, with path lengths of the whole; None: nothing is."""
+    def _compensate(
+        self, part: MotionPart, offset: float, reached: _Reached
+    ) -> tuple[MotionPart | None, _Reached]:
+        """What the motors do, as far as that is final, with path lengths of the whole; None:
+        nothing is.
+        """
         now = self._reached
         held = 0.0 if now.ahead.planned is None else now.ahead.planned.duration
         tick = part.tick - Fraction(held) * self._clock_hz
         try:
-            made, length, costs, ahead = now.ahead.add(part.motion, offset, part.axes, part.home, part.last)
+            made, length, costs, ahead = now.ahead.add(
+                part.motion, offset, part.axes, part.home, part.last
+            )
         except Infeasible as no:
             raise _place_on_whole(no, replace(part, tick=tick), 0.0, own=True) from None
         tick = reached.tick - Fraction(length) * self._clock_hz
@@ -188,29 +227,51 @@ class PulseStream:
                 self._machine.axes, starts, home, reached.bounds, reached.moved, strict=True
             )
         )
-        duration, moves = float(reached.tick / self._clock_hz), tuple(one for one in reached.moved if one is not None)
-        return PulseSchedule(self._clock_hz, axes, duration, describe_rule(self._rule), moves, reached.costs)
+        duration, moves = (
+            float(reached.tick / self._clock_hz),
+            tuple(one for one in reached.moved if one is not None),
+        )
+        return PulseSchedule(
+            self._clock_hz, axes, duration, describe_rule(self._rule), moves, reached.costs
+        )
 
-    def _fire(self, part: MotionPart, offset: float, reached: _Reached) -> tuple[PulseSchedule, _Reached]:
-        """The pulses of what the motors do, as far as they are final; and where the stream stands then."""
+    def _fire(
+        self, part: MotionPart, offset: float, reached: _Reached
+    ) -> tuple[PulseSchedule, _Reached]:
+        """The pulses of what the motors do, as far as they are final; and where the stream stands
+        then.
+        """
         now, machine, last = self._reached, self._machine, part.last
         try:
             fired = self._rule.fire(part)
         except Infeasible as no:
             raise _place_on_whole(no, part, offset, own=True) from None
         if now.given and part.tick == 0:
-            travel = partial(_look, part, JoinedMotion.of(MotionSpan(part.motion, 0.0, part.motion.duration)))
+            travel = partial(
+                _look, part, JoinedMotion.of(MotionSpan(part.motion, 0.0, part.motion.duration))
+            )
             each = zip(fired.axes, now.given, self._gaps, strict=True)
             fired = replace(fired, axes=tuple(go_on(k, *one, travel) for k, one in enumerate(each)))
         known = self._join_tail(part, offset)
         end = round(float(part.end_tick)) if last else None
-        until = None if last else max(now.until, floor(part.end_tick) - max(gaps.hold for gaps in self._gaps))
+        until = (
+            None
+            if last
+            else max(now.until, floor(part.end_tick) - max(gaps.hold for gaps in self._gaps))
+        )
         try:
-            spaced = [self._space(part, k, fired.axes[k], known, until, end) for k in range(len(machine.axes))]
+            spaced = [
+                self._space(part, k, fired.axes[k], known, until, end)
+                for k in range(len(machine.axes))
+            ]
         except Infeasible as no:
-            raise _add_motor_remedy(_place_on_whole(no, part, offset, own=False), machine.axes) from None
+            raise _add_motor_remedy(
+                _place_on_whole(no, part, offset, own=False), machine.axes
+            ) from None
         started = now.given or tuple(axis.start for axis in fired.axes)
-        bounds = tuple(max(each) for each in zip(now.bounds, (axis.bound for axis in fired.axes), strict=True))
+        bounds = tuple(
+            max(each) for each in zip(now.bounds, (axis.bound for axis in fired.axes), strict=True)
+        )
         axes = tuple(
             replace(
                 axis,
@@ -235,14 +296,23 @@ class PulseStream:
             ways=fired.ways,
             noise=fired.noise,
             given=tuple(axis.final for axis in axes),
-            until=1 + max((int(axis.ticks[-1]) for axis in axes if len(axis)), default=0) if until is None else until,
+            until=1 + max((int(axis.ticks[-1]) for axis in axes if len(axis)), default=0)
+            if until is None
+            else until,
             tail=None if until is None else self._cut_tail(part, known, until),
         )
-        rule, duration = fired.rule or describe_rule(self._rule), float(reached.tick / self._clock_hz)
+        rule, duration = (
+            fired.rule or describe_rule(self._rule),
+            float(reached.tick / self._clock_hz),
+        )
         return PulseSchedule(self._clock_hz, axes, duration, rule, moves, reached.costs), reached
 
-    def _follow_paces(self, part: MotionPart, pulses: Sequence[AxisPulses]) -> tuple[Pace, ...] | None:
-        """Return the paces after these pulses. Raise Infeasible where an axis starts or stops too fast.
+    def _follow_paces(
+        self, part: MotionPart, pulses: Sequence[AxisPulses]
+    ) -> tuple[Pace, ...] | None:
+        """Return the paces after these pulses.
+
+        Raise Infeasible where an axis starts or stops too fast.
 
         A stream that goes on from what another motion sent does not know the paces there: it
         follows none.
@@ -256,7 +326,10 @@ class PulseStream:
         if paces is None:
             if self._reached.given:
                 return None
-            paces = tuple(begin_pace(axis, float(speed), clock) for axis, speed in zip(axes, first, strict=True))
+            paces = tuple(
+                begin_pace(axis, float(speed), clock)
+                for axis, speed in zip(axes, first, strict=True)
+            )
         ends = [
             interval_at(axis, float(speed), clock) if part.last else None
             for axis, speed in zip(axes, last, strict=True)
@@ -267,7 +340,13 @@ class PulseStream:
         )
 
     def _space(
-        self, part: MotionPart, k: int, fired: AxisPulses, known: JoinedMotion, until: int | None, end: int | None
+        self,
+        part: MotionPart,
+        k: int,
+        fired: AxisPulses,
+        known: JoinedMotion,
+        until: int | None,
+        end: int | None,
     ) -> Spaced:
         now, axis = self._reached, self._machine.axes[k]
         ticks = np.concatenate([now.held[k].ticks, fired.ticks])
@@ -276,20 +355,41 @@ class PulseStream:
             begin = float(part.tick / self._clock_hz)
             remedy = "slow the motion, use a longer pulse, or a faster clock"
             place = Place(
-                float(known.at(np.array([known.duration - part.motion.duration])).s[0]), t=begin, axis=axis.name
+                float(known.at(np.array([known.duration - part.motion.duration])).s[0]),
+                t=begin,
+                axis=axis.name,
             )
             rate = 2.0 * self._clock_hz
-            refusal = Infeasible("pulse rate", axis.name, place, rate, self._clock_hz, "1/s", remedy)
+            refusal = Infeasible(
+                "pulse rate", axis.name, place, rate, self._clock_hz, "1/s", remedy
+            )
             ticks, direction = cancel_pairs(ticks, direction, lambda: refusal)
         held = replace(now.held[k], ticks=ticks, direction=direction)
         travel = partial(_look, part, known)
-        return space_pulses(held, k, axis, self._gaps[k], self._clock_hz, travel, now.moved[k], now.until, until, end)
+        return space_pulses(
+            held,
+            k,
+            axis,
+            self._gaps[k],
+            self._clock_hz,
+            travel,
+            now.moved[k],
+            now.until,
+            until,
+            end,
+        )
 
     def _join_tail(self, part: MotionPart, offset: float) -> JoinedMotion:
-        """The motion from where pulses are not given yet to the end of the part; path lengths are of the whole."""
+        """The motion from where pulses are not given yet to the end of the part; path lengths are
+        of the whole.
+        """
         tail = self._reached.tail
         here = MotionSpan(part.motion, 0.0, part.motion.duration, offset)
-        return JoinedMotion.of(here) if tail is None else JoinedMotion.of(MotionSpan(tail, 0.0, tail.duration), here)
+        return (
+            JoinedMotion.of(here)
+            if tail is None
+            else JoinedMotion.of(MotionSpan(tail, 0.0, tail.duration), here)
+        )
 
     def _cut_tail(self, part: MotionPart, known: JoinedMotion, until: int) -> PieceMotion:
         """The last of it, from a tick on."""
@@ -299,7 +399,9 @@ class PulseStream:
 
 
 def _place_on_whole(no: Infeasible, part: MotionPart, offset: float, *, own: bool) -> Infeasible:
-    """The refusal with its place on the whole, its segment where that is known; own: it is placed on the part."""
+    """The refusal with its place on the whole, its segment where that is known; own: it is placed
+    on the part.
+    """
     if no.place is None or no.place.t is None:
         return no
     begin, place = float(part.tick / part.clock_hz), no.place
@@ -321,7 +423,9 @@ def _look(part: MotionPart, known: JoinedMotion, k: int, ticks: ArrayLike) -> tu
 
 
 def _add_motor_remedy(no: Infeasible, axes: Sequence[Axis]) -> Infeasible:
-    """A refusal of spacing; of an axis that makes up for its screw it says so: a plan keeps the rate of the motor."""
+    """A refusal of spacing; of an axis that makes up for its screw it says so: a plan keeps the
+    rate of the motor.
+    """
     made_up = next((axis.compensate for axis in axes if axis.name == no.axis), ())
     if not made_up:
         return no

@@ -184,7 +184,11 @@ def rotate(x: float, y: float, angle: float) -> tuple[float, float]:
 
 def to_metres(values: Mapping[str, float], unit: float) -> dict[int, float]:
     """Return the numbers of axis words, m and rad, by the axis' place in XYZABC."""
-    return {k: values[axis] * unit if k < 3 else radians(values[axis]) for k, axis in enumerate(AXES) if axis in values}
+    return {
+        k: values[axis] * unit if k < 3 else radians(values[axis])
+        for k, axis in enumerate(AXES)
+        if axis in values
+    }
 
 
 def _six(values: Sequence[float]) -> Shift:
@@ -216,7 +220,9 @@ class ToolOffsets:
             if letter == "G" and value == 49:
                 self.active = "G49"
             elif letter == "G" and value == 43:
-                self.active = f"G43 H{number['H']:g}" if "H" in number else f"G43 {self._loaded}".strip()
+                self.active = (
+                    f"G43 H{number['H']:g}" if "H" in number else f"G43 {self._loaded}".strip()
+                )
 
     def move(self) -> tuple[str, str] | None:
         """Return the offset of the last move and the active one, if they differ."""

@@ -113,11 +113,15 @@ class Cycles:
         if self.initial is None:
             self.initial = place[2]
         level = self.initial
-        stated = [words[letter] * setting.unit if letter in words else None for letter in (first, second)]
+        stated = [
+            words[letter] * setting.unit if letter in words else None for letter in (first, second)
+        ]
         if setting.absolute:
             retract, bottom = values["R"], values[normal]
             increments = [0.0, 0.0]
-            a, b = (at if value is None else value for at, value in zip(place, stated, strict=False))
+            a, b = (
+                at if value is None else value for at, value in zip(place, stated, strict=False)
+            )
         else:
             retract = level + values["R"]
             bottom = retract + values[normal]
@@ -161,7 +165,9 @@ class Cycles:
                 f"G{code:g} needs {', '.join(missing)}: its first block states {', '.join(needed)}",
             )
         before = self._values if code == self.code else {}
-        given = {letter: value * setting.unit for letter, value in words.items() if letter in LENGTHS}
+        given = {
+            letter: value * setting.unit for letter, value in words.items() if letter in LENGTHS
+        }
         if "P" in words:
             given["P"] = words["P"] * setting.second
         if self._unit != setting.unit and (

@@ -9,7 +9,23 @@ be set before it is used: where RS-274 would take 0, a reader cannot know whethe
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
-from math import acos, asin, atan2, ceil, cos, degrees, exp, floor, fmod, isfinite, log, radians, sin, sqrt, tan
+from math import (
+    acos,
+    asin,
+    atan2,
+    ceil,
+    cos,
+    degrees,
+    exp,
+    floor,
+    fmod,
+    isfinite,
+    log,
+    radians,
+    sin,
+    sqrt,
+    tan,
+)
 
 from kinematics.foundation.errors import MotionError
 
@@ -42,7 +58,9 @@ OPERATORS: Mapping[str, tuple[int, Binary]] = {
     "XOR": (1, lambda a, b: float((a != 0) != (b != 0))),
 }
 """Precedence of each operator, and its function of two values."""
-_OPERATOR = re.compile("|".join(re.escape(name) for name in sorted(OPERATORS, key=len, reverse=True)), re.IGNORECASE)
+_OPERATOR = re.compile(
+    "|".join(re.escape(name) for name in sorted(OPERATORS, key=len, reverse=True)), re.IGNORECASE
+)
 EQUAL = 1e-6
 """Difference below which two values are equal for EQ and NE, as in LinuxCNC."""
 FUNCTIONS: Mapping[str, Callable[[float], float]] = {
@@ -149,7 +167,9 @@ class Cursor:
         character, begin = self.next, self.at
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            raise ExpressionFault(begin + 1, f"brackets within brackets: more than {MAX_DEPTH} deep")
+            raise ExpressionFault(
+                begin + 1, f"brackets within brackets: more than {MAX_DEPTH} deep"
+            )
         try:
             number = _NUMBER.match(self.line, begin)
             if number:
@@ -170,7 +190,10 @@ class Cursor:
 
     def _check(self, found: float, begin: int) -> float:
         if isinstance(found, complex) or not isfinite(found) or abs(found) > MAX_VALUE:
-            raise ExpressionFault(begin + 1, f"{self.line[begin : self.at].strip()[:60]} has no value that makes sense")
+            raise ExpressionFault(
+                begin + 1,
+                f"{self.line[begin : self.at].strip()[:60]} has no value that makes sense",
+            )
         return found
 
     def _bracket(self) -> float:
@@ -192,7 +215,9 @@ class Cursor:
                 letters = _LETTERS.match(self.line, self.at)
                 if letters is None:
                     return result
-                raise ExpressionFault(at + 1, f"{letters[0]} is no operator: give one of {', '.join(OPERATORS)}")
+                raise ExpressionFault(
+                    at + 1, f"{letters[0]} is no operator: give one of {', '.join(OPERATORS)}"
+                )
             precedence, function = OPERATORS[operator[0].upper()]
             if precedence <= least:
                 return result
@@ -205,7 +230,9 @@ class Cursor:
             return self._check(value(), begin)
         except (ValueError, ZeroDivisionError, OverflowError):
             told = self.line[begin : self.at].strip()[:60]
-            raise ExpressionFault(begin + 1, f"{told} has no value: see what it is computed from") from None
+            raise ExpressionFault(
+                begin + 1, f"{told} has no value: see what it is computed from"
+            ) from None
 
     def _function(self) -> float:
         letters, begin = _LETTERS.match(self.line, self.at), self.at
@@ -223,8 +250,14 @@ class Cursor:
             self.take("/", ", as in ATAN[1]/[2]")
             return degrees(atan2(above, self._bracket()))
         if name not in FUNCTIONS:
-            told = f'"{self.line[begin : begin + 20].strip()}" is no value' if begin < len(self.line) else "no value"
-            raise ExpressionFault(begin + 1, f"{told}: write a number, #parameter, [expression] or a function of one")
+            told = (
+                f'"{self.line[begin : begin + 20].strip()}" is no value'
+                if begin < len(self.line)
+                else "no value"
+            )
+            raise ExpressionFault(
+                begin + 1, f"{told}: write a number, #parameter, [expression] or a function of one"
+            )
         return self._compute(partial(FUNCTIONS[name], self._bracket()), begin)
 
     def key(self) -> int | str:
@@ -233,7 +266,9 @@ class Cursor:
         if self.next == "<":
             name = _NAME.match(self.line, self.at)
             if name is None:
-                raise ExpressionFault(begin + 1, 'the name of this parameter has no end: write ">" behind it')
+                raise ExpressionFault(
+                    begin + 1, 'the name of this parameter has no end: write ">" behind it'
+                )
             self.at = name.end()
             if _FOREIGN.match(name[1].strip()):
                 raise ExpressionFault(
@@ -241,12 +276,15 @@ class Cursor:
                     f"#<{name[1]}> is a value of the controller, which the file does not state: write its value",
                 )
             if any(character in name[1] for character in "#[]"):
-                raise ExpressionFault(begin + 1, f"#<{name[1]}>: a name has no #, [ or ]: rename it")
+                raise ExpressionFault(
+                    begin + 1, f"#<{name[1]}>: a name has no #, [ or ]: rename it"
+                )
             return re.sub(r"[ \t]", "", name[1]).lower()
         number = self.value()
         if abs(number - round(number)) > 1e-4 or not 1 <= round(number) <= LAST_NUMBER:
             raise ExpressionFault(
-                begin + 1, f"#{number:g} is not a parameter of a program: those are #1 to #{LAST_NUMBER} and #<names>"
+                begin + 1,
+                f"#{number:g} is not a parameter of a program: those are #1 to #{LAST_NUMBER} and #<names>",
             )
         return round(number)
 
@@ -257,7 +295,9 @@ class Cursor:
         found = self.parameters.find(key)
         if found is None:
             told = self.line[begin : self.at].strip()
-            raise ExpressionFault(begin + 1, f"{told} has no value here: set it before, as {told} = 0")
+            raise ExpressionFault(
+                begin + 1, f"{told} has no value here: set it before, as {told} = 0"
+            )
         return found
 
 
@@ -278,7 +318,9 @@ def read_block(line: str, parameters: Parameters) -> tuple[list[tuple[str, str]]
             key = cursor.key()
             cursor.take("=", ": a line begins with a letter, or sets a parameter as #1 = 2")
             if key in RETURNED:
-                raise ExpressionFault(begin + 1, f"#<{key}> is set by calls only: choose another name")
+                raise ExpressionFault(
+                    begin + 1, f"#<{key}> is set by calls only: choose another name"
+                )
             settings.append((key, cursor.value()))
         elif character == "$" or (character.isascii() and character.isalpha()):
             cursor.at += 1

@@ -315,7 +315,11 @@ class Flow:
             label, count = self._read_call(word)
             target = self.programs.get(label)
             if target is None:
-                other = f"; {label} sub is called by {label} call" if label in self.subs else ": add it there"
+                other = (
+                    f"; {label} sub is called by {label} call"
+                    if label in self.subs
+                    else ": add it there"
+                )
                 raise ExpressionFault(
                     word.column,
                     f"{label} is not a subprogram of this file{other}",
@@ -328,7 +332,11 @@ class Flow:
             return target.line + 1, {}
         label = word.label or self._compute_label(word)
         if label not in self.subs:
-            other = f"; subprogram {label} is called by M98" if label in self.programs else ": add it there"
+            other = (
+                f"; subprogram {label} is called by M98"
+                if label in self.programs
+                else ": add it there"
+            )
             raise ExpressionFault(word.column, f"{label} is not a sub of this file{other}")
         self.parameters.enter(self._values(word, None))
         calls.append(_Call(back, turns))

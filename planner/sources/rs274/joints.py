@@ -1,8 +1,8 @@
-"""G-code of joint axes, as `planner.export.formats.g93` writes it: its words are actuators, so its places are found
-by forward kinematics of the machine that it is for.
+"""G-code of joint axes, as `planner.export.formats.g93` writes it: its words are actuators, so its
+places are found by forward kinematics of the machine that it is for.
 
-The way is taken over: a straight line from point to point, the rests, and the M codes as triggers. The times are not:
-the program is planned as any other.
+The way is taken over: a straight line from point to point, the rests, and the M codes as triggers.
+The times are not: the program is planned as any other.
 """
 
 import re
@@ -56,7 +56,11 @@ def find_header(text: str) -> Header | None:
     if MARK not in text:  # a long file is not worth splitting
         return None
     lines = text.split("\n")
-    axes = [(number, found) for number, line in enumerate(lines, 1) if (found := _AXIS.fullmatch(line.strip()))]
+    axes = [
+        (number, found)
+        for number, line in enumerate(lines, 1)
+        if (found := _AXIS.fullmatch(line.strip()))
+    ]
     if not axes:
         return None
     origin, stand = (
@@ -67,13 +71,17 @@ def find_header(text: str) -> Header | None:
     return Header(letters, names, units, origin, stand, axes[0][0])
 
 
-def read_joints(path: Path, text: str, header: Header, machine: str | None, join: Join, faults: Faults) -> Imported:
+def read_joints(
+    path: Path, text: str, header: Header, machine: str | None, join: Join, faults: Faults
+) -> Imported:
     """The program of a file of joint axes on its machine.
 
-    Raises FileError where no machine is told, for another machine than the header's, and for places that it cannot
-    come to from home.
+    Raises FileError where no machine is told, for another machine than the header's, and for places
+    that it cannot come to from home.
     """
-    said = ", ".join(f"{letter} = {name}" for letter, name in zip(header.letters, header.names, strict=True))
+    said = ", ".join(
+        f"{letter} = {name}" for letter, name in zip(header.letters, header.names, strict=True)
+    )
     if machine is None:
         faults.add(
             f"its words are joint axes ({said}), not tool positions: give its machine with the option machine "
@@ -91,7 +99,10 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
     q = np.array(rows) / factors + (of.home_q if header.origin == "home" else 0.0)
     found = of.forward(q)
     for k in np.flatnonzero((found.residual > POSE_RESIDUAL) | ~found.certified).tolist():
-        faults.add(f"with axes there {of.name} has no pose that is proved to be connected to home", numbers[k])
+        faults.add(
+            f"with axes there {of.name} has no pose that is proved to be connected to home",
+            numbers[k],
+        )
     faults.refuse()
     turns = bool({"rx", "ry", "rz"} & set(of.freedom))
     segments: list[Segment] = []
@@ -102,7 +113,13 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
         rotates = turns and float((turned.inv() * pose.rotation).magnitude()) > MIN_MOVE
         if moves:
             segments.append(
-                Line(pose.translation, pose.rotation if rotates else None, None, join, line_number=numbers[k])
+                Line(
+                    pose.translation,
+                    pose.rotation if rotates else None,
+                    None,
+                    join,
+                    line_number=numbers[k],
+                )
             )
         elif rotates:
             segments.append(Turn(pose.rotation, Stop(), line_number=numbers[k]))
@@ -121,7 +138,9 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
     if all(isinstance(segment, Dwell) for segment in segments):
         faults.add("nothing moves: all its points are the same")
     faults.refuse()
-    named = None if Path(of.name).suffix or machine != of.name else machine  # a path would count from the program
+    named = (
+        None if Path(of.name).suffix or machine != of.name else machine
+    )  # a path would count from the program
     program = Program(tuple(segments), "base", found.pose[0], named, name=path.stem)
     rested = sum(rest > 0 for rest in rests)
     told = (
@@ -139,7 +158,10 @@ def _refuse_other(machine: "Machine", header: Header, said: str, faults: Faults)
     wanted = tuple("mm" if axis.kind == "linear" else "deg" for axis in axes)
     if header.names != tuple(header_name(axis.name) for axis in axes) or header.units != wanted:
         own = ", ".join(f"{axis.name} in {unit}" for axis, unit in zip(axes, wanted, strict=True))
-        faults.add(f"it is for the axes {said}; machine {machine.name} has {own}: give its own machine", header.line)
+        faults.add(
+            f"it is for the axes {said}; machine {machine.name} has {own}: give its own machine",
+            header.line,
+        )
     if header.origin is None or header.stand is None:
         faults.add(
             "its header does not state the origin and the start of the axes: export it again",
@@ -184,7 +206,8 @@ def _points(text: str, header: Header, faults: Faults) -> Points:
             rests.append(float(said[1][1]))
         else:
             faults.add(
-                f"not a line of a file of joint axes, which has G1 {' '.join(header.letters)} F, and G4 P", number
+                f"not a line of a file of joint axes, which has G1 {' '.join(header.letters)} F, and G4 P",
+                number,
             )
             continue
         numbers.append(number)
@@ -210,13 +233,19 @@ def _row(header: Header, said: Words, number: int, faults: Faults) -> list[float
 
 
 def _bulge(machine: "Machine", q: Array) -> float:
-    """m: how far the middles of the axes' straight lines between points (N, n) are from straight lines in space."""
+    """m: how far the middles of the axes' straight lines between points (N, n) are from straight
+    lines in space.
+    """
     ends = machine.forward(q, certify=False).pose.translation
     middle = machine.forward((q[1:] + q[:-1]) / 2, certify=False).pose.translation
     return float(np.linalg.norm(middle - (ends[1:] + ends[:-1]) / 2, axis=1).max(initial=0.0))
 
 
 def refuse_options(given: Sequence[str]) -> None:
-    """Raise MotionError for options that say something about places, which such a file has none of."""
+    """Raise MotionError for options that say something about places, which such a file has none
+    of.
+    """
     if given:
-        raise MotionError(f"gcode: {', '.join(given)} does not apply to a file of joint axes; omit it")
+        raise MotionError(
+            f"gcode: {', '.join(given)} does not apply to a file of joint axes; omit it"
+        )

@@ -62,10 +62,10 @@ PROGRESS_LETTERS = frozenset("PRSQCDL")
 takes none."""
 SPINDLE_WORDS = frozenset({("M", 3.0), ("M", 4.0), ("M", 5.0), ("M", 19.0), ("G", 97.0)})
 """Words that $ selects the spindle of; S too."""
-FEED_UNIT_TOLD = (
-    "F in one block with a change of G20 or G21 counts in the new unit, as for Grbl; for LinuxCNC in the old"
+FEED_UNIT_TOLD = "F in one block with a change of G20 or G21 counts in the new unit, as for Grbl; for LinuxCNC in the old"
+LEVEL_TOLD = (
+    "without G98 or G99 cycles retract to R, as in LinuxCNC, and not to the level before them"
 )
-LEVEL_TOLD = "without G98 or G99 cycles retract to R, as in LinuxCNC, and not to the level before them"
 STEPS_TOLD = "G88 retracts by a rapid, where an operator would by hand"
 
 
@@ -162,7 +162,9 @@ class GcodeRun:
         self.tilted = work is not None and work.rotation.magnitude() > 0
         self.coordinates = Coordinates((zero[0], zero[1], zero[2]))
         self.motion: float | None = None
-        self.modes = Modes(UNIT_METRES[20.0 if options.length == "in" else 21.0], options.first_join)
+        self.modes = Modes(
+            UNIT_METRES[20.0 if options.length == "in" else 21.0], options.first_join
+        )
         self.cycles = Cycles()
         self.turned: set[str] = set()
         self.join_word, self.unstated_level, self.fed = "", True, False
@@ -210,7 +212,11 @@ class GcodeRun:
             self._run_block(number, self._sort_words(number, words))
         except MotionError as error:
             key = error.word if isinstance(error, WordFault) else ""
-            nth = [k for k, (letter, text) in enumerate(words) if key in (letter.upper(), letter + text)]
+            nth = [
+                k
+                for k, (letter, text) in enumerate(words)
+                if key in (letter.upper(), letter + text)
+            ]
             self.faults.add(str(error), number, f"column {block.column(nth[-1] if nth else 0)}")
 
     def _run_block(self, number: int, words: BlockWords) -> None:
@@ -326,7 +332,9 @@ class GcodeRun:
     def _pecks(self, words: Words) -> bool:
         """Return whether a block is of a cycle that drills in steps: D is its clearance."""
         stated = [
-            float(text) for letter, text in words if letter.upper() == "G" and GROUPS.get(float(text)) == "motion"
+            float(text)
+            for letter, text in words
+            if letter.upper() == "G" and GROUPS.get(float(text)) == "motion"
         ]
         return (stated[0] if stated else self.motion) in (73, 83)
 
@@ -362,7 +370,8 @@ class GcodeRun:
                 )
         spindle = any(letter == "$" for letter, _ in block.silent)
         if spindle and not any(
-            letter.upper() == "S" or (letter.upper(), float(text)) in SPINDLE_WORDS for letter, text in words
+            letter.upper() == "S" or (letter.upper(), float(text)) in SPINDLE_WORDS
+            for letter, text in words
         ):
             raise WordFault(
                 "$",
@@ -381,7 +390,12 @@ class GcodeRun:
             unit = UNIT_METRES[codes["length"]]
             if "F" in values and unit != modes.unit and not self.unstated and not modes.timed:
                 self.remarks.add(FEED_UNIT_TOLD, number)
-            if "F" not in values and unit != modes.unit and self.unstated and modes.feed is not None:
+            if (
+                "F" not in values
+                and unit != modes.unit
+                and self.unstated
+                and modes.feed is not None
+            ):
                 self.remarks.add(
                     f"F before the first G20 or G21 counts in {self.options.length} (option length)",
                     number,
@@ -403,8 +417,17 @@ class GcodeRun:
             modes.join = self._read_join(codes["join"], values)
         if "system" in codes:
             self._renumber(lambda: self.coordinates.choose(codes["system"]))
-        stated = "dwell" in codes or codes.get("join") == 64 or codes.get("once") == 10 or self.motion in CYCLES
-        if "P" in values and not stated and (self.motion not in (2, 3) or values.keys() <= {"P", "F", "N"}):
+        stated = (
+            "dwell" in codes
+            or codes.get("join") == 64
+            or codes.get("once") == 10
+            or self.motion in CYCLES
+        )
+        if (
+            "P" in values
+            and not stated
+            and (self.motion not in (2, 3) or values.keys() <= {"P", "F", "N"})
+        ):
             raise WordFault("P", "P belongs to G4 or G64")
 
     def _read_join(self, code: float, values: Mapping[str, float]) -> Join:
@@ -477,7 +500,9 @@ class GcodeRun:
 
     def _angles(self, place: Sequence[float]) -> list[float]:
         """Return the angles (3,) of a place in the program's frame, rad."""
-        return [angle + zero for angle, zero in zip(place[3:], self.coordinates.angles, strict=True)]
+        return [
+            angle + zero for angle, zero in zip(place[3:], self.coordinates.angles, strict=True)
+        ]
 
     def _once(self, number: int, code: float, values: dict[str, float]) -> None:
         """Run a word that counts from home or changes the origin: G10, G28, G52, G53 and G92."""
@@ -587,7 +612,9 @@ class GcodeRun:
         if cycle:
             self._cycle(number, self.motion, values)
             return
-        end = self._end(values if from_home is None else {k: v for k, v in values.items() if k not in from_home})
+        end = self._end(
+            values if from_home is None else {k: v for k, v in values.items() if k not in from_home}
+        )
         if from_home:
             self._count_from_home(end, from_home)
         way = self._lead(end)
@@ -688,7 +715,9 @@ class GcodeRun:
 
     def _note_turned(self, way: Way) -> None:
         """Note the angles that a block changes: A, B and C are rx, ry and rz."""
-        changed = (name for name, k in (("rx", 3), ("ry", 4), ("rz", 5)) if way.start[k] != way.end[k])
+        changed = (
+            name for name, k in (("rx", 3), ("ry", 4), ("rz", 5)) if way.start[k] != way.end[k]
+        )
         self.turned.update(changed)
 
     def _turn(self, number: int, way: Way, rapid: bool) -> None:
@@ -800,5 +829,9 @@ def _describe_unsupported(given: str, text: str) -> str:
     letter, value = given.upper(), float(text)
     word = f"{letter}{value:g}"
     every = letter if is_ignorable(letter) and letter != "M" else word
-    remedy = f', or skip it by the option ignore="{every}" (--ignore {every})' if is_ignorable(word) else ""
+    remedy = (
+        f', or skip it by the option ignore="{every}" (--ignore {every})'
+        if is_ignorable(word)
+        else ""
+    )
     return f"{given}{text[:20]} is not supported; take it out{remedy}"

@@ -256,7 +256,9 @@ def _describe_odd_character(compact: str, at: int, shown: str) -> str:
         return "unmatched parenthesis; comments cannot be nested: take it out, or write ( … )"
     if rest[0] == "/":
         if at == 0 or re.fullmatch(r"N\d+", compact[:at], re.IGNORECASE):
-            return "block delete (/): give the option block_delete as skip or run, or remove the slash"
+            return (
+                "block delete (/): give the option block_delete as skip or run, or remove the slash"
+            )
         return "a slash deletes a block only at its beginning: move it there, or remove it"
     if _COMPUTED.match(rest):
         return ""
@@ -280,7 +282,9 @@ any number."""
 IGNORABLE_G = frozenset({40.0, 43.0, 49.0, *SYSTEMS, 80.0, 97.0})
 """Offsets of tool and work, and ends of modes. None is a path by itself; some are read in any
 case."""
-PATH_M = frozenset(map(float, (2, 30, 32, 47, 70, 71, 72, 73, 96, 97, 98, 99, 128, 198, 808, *range(810, 820))))
+PATH_M = frozenset(
+    map(float, (2, 30, 32, 47, 70, 71, 72, 73, 96, 97, 98, 99, 128, 198, 808, *range(810, 820)))
+)
 """M words that decide which lines run or in which modes, among them calls of subprograms and macros
 of printers."""
 SHIFTING_M = frozenset(map(float, (206, 218, 290, 428, 665, 666, 851)))

@@ -1,4 +1,5 @@
-"""The goal "constant speed": segments at the constant tool speeds that they state, the rest fastest.
+"""The goal "constant speed": segments at the constant tool speeds that they state, the rest
+fastest.
 
 A segment is at its constant speed from end to end wherever it is joined without a stop: the ramp
 lies in the neighbour, where that may be as fast as it can. Of two constant speeds the ramp lies in
@@ -111,7 +112,9 @@ class ConstantSpeed:
         return RunSolution.joined(joined, IN_PARTS)
 
     def _split(self, task: Task) -> list[Task]:
-        """Split a run where the stated speed changes, at the largest speed that both sides allow."""
+        """Split a run where the stated speed changes, at the largest speed that both sides
+        allow.
+        """
         run = task.run
         pieces = range(run.first, run.last + 1)
         stated = [self._find_stated(task.path, piece) for piece in pieces]

@@ -91,7 +91,9 @@ def solve_posed(
 
 
 def integrate_squares(trajectory: Trajectory, derivative: int, weights: Array) -> float:
-    """Return ∫ Σ (q⁽ᵏ⁾/w)² dt of the k-th derivative, 2 or 3, by Simpson's rule on each time piece."""
+    """Return ∫ Σ (q⁽ᵏ⁾/w)² dt of the k-th derivative, 2 or 3, by Simpson's rule on each time
+    piece.
+    """
     h = np.diff(trajectory.knots)
     pieces = np.arange(len(h))
     start, middle, end = (trajectory.within(pieces, share * h) for share in (0.0, 0.5, 1.0))

@@ -88,15 +88,25 @@ def _refuse(best: Solution, objective: Objective, weights: Array) -> None:
     name = f'objective "{objective}"'
     path = best.trajectory.path
     if best.order != 3:
-        raise MotionError(f"{name} needs limits of jerk: plan at order 3, with max_jerk stated of the axes, or omit it")
+        raise MotionError(
+            f"{name} needs limits of jerk: plan at order 3, with max_jerk stated of the axes, or omit it"
+        )
     if has_constant_speed(path):
-        raise MotionError(f"{name}: a constant speed leaves no choice of motion: omit one of the two")
+        raise MotionError(
+            f"{name}: a constant speed leaves no choice of motion: omit one of the two"
+        )
     if max(path.end_speeds) > 0:
-        raise MotionError(f"{name} is of motions from rest to rest: omit it, or start_speed and end_speed")
+        raise MotionError(
+            f"{name} is of motions from rest to rest: omit it, or start_speed and end_speed"
+        )
     if any(isinstance(limit, Resonance) and limit.bands for limit in best.limits):
-        raise MotionError(f"{name} may linger in a resonance band: omit it, or the axes' resonance_time")
+        raise MotionError(
+            f"{name} may linger in a resonance band: omit it, or the axes' resonance_time"
+        )
     if not np.isfinite(weights).any():
-        raise MotionError(f"{name} counts heat in limits of acceleration: state max_acceleration of some axis")
+        raise MotionError(
+            f"{name} counts heat in limits of acceleration: state max_acceleration of some axis"
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,9 @@ class Objective:
     def __post_init__(self) -> None:
         check_fields(self)
         if not 0 <= self.heat <= MOST_WEIGHT:
-            raise MotionError(f"objective: heat {self.heat:g}, a weight, must be from 0 to {MOST_WEIGHT:g}")
+            raise MotionError(
+                f"objective: heat {self.heat:g}, a weight, must be from 0 to {MOST_WEIGHT:g}"
+            )
 
     def __str__(self) -> str:
         if self.heat == 0:
@@ -51,5 +53,7 @@ def read_objective(text: str) -> Objective:
     except ValueError:
         raise BadValue(f"objective {text!r}: {match['weight']} is not a number") from None
     if not 0 <= weight <= MOST_WEIGHT:
-        raise BadValue(f"objective {text!r}: the weight {weight:g} of heat must be from 0 to {MOST_WEIGHT:g}")
+        raise BadValue(
+            f"objective {text!r}: the weight {weight:g} of heat must be from 0 to {MOST_WEIGHT:g}"
+        )
     return Objective(weight)

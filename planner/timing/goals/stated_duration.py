@@ -51,7 +51,8 @@ def solve_stated(
     duration: float,
     progress: Progress | None = None,
 ) -> Solution:
-    """Return the smoothest motion that takes `duration` (s) with dwells: least ∫ Σ_i (q⃛_i/w_i)² dt.
+    """Return the smoothest motion that takes `duration` (s) with dwells: least ∫ Σ_i (q⃛_i/w_i)²
+    dt.
 
     w_i is the jerk limit of axis i (the smaller of two), or else its range over the path per s³.
     Every run from rest to rest takes as much longer than its shortest time as the whole does,
@@ -93,7 +94,9 @@ def _refuse_speeds(path: ActuatorPath) -> None:
     for piece in range(len(path.breaks) - 1):
         if path.constant(piece) is not None:
             place = path.place(path.breaks[piece], piece)
-            error = MotionError(f"{place}: a constant speed fixes the duration: omit one of the two")
+            error = MotionError(
+                f"{place}: a constant speed fixes the duration: omit one of the two"
+            )
             raise error.in_segment(place.segment)
     if max(path.end_speeds) > 0:
         raise MotionError(

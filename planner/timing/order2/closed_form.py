@@ -63,7 +63,9 @@ class _Ramp:
         return low * (rise + hold + fall) + self.peak * gained
 
     def pieces(self, sign: int) -> list[Piece]:
-        """Return the pieces of an acceleration; sign −1: of a deceleration, which runs backwards."""
+        """Return the pieces of an acceleration; sign −1: of a deceleration, which runs
+        backwards.
+        """
         if self.peak == 0:
             return []
         j_rise = self.peak / self.rise if self.rise > 0 else 0.0
@@ -262,7 +264,8 @@ def _bound_run(
     share: float = STRAIGHTNESS_SHARE,
     top_speed: float | None = None,
 ) -> _Bounds | None:
-    """Return the bounds that the motion aims at: the limits less the use by curvature and variation.
+    """Return the bounds that the motion aims at: the limits less the use by curvature and
+    variation.
 
     share      of the limits that these may use; None where they use more
     top_speed  ṡ that is known to hold, in place of the limits on speed

@@ -1,6 +1,7 @@
 """Largest x = ṡ² under linear rows on u = s̈ and x: reachability analysis in two passes (TOPP-RA).
 
-Pham and Pham, IEEE T-RO 34 (2018), 645. From stage i of a grid to the next, x_{i+1} = x_i + 2 Δ_i u.
+Pham and Pham, IEEE T-RO 34 (2018), 645. From stage i of a grid to the next, x_{i+1} = x_i + 2 Δ_i
+u.
 The paper solves linear programmes in (u, x) at each stage. Here u is eliminated from the rows
 |a u + b x + c| ≤ 1 once (Fourier and Motzkin): each row bounds the next x by two lines,
 

@@ -41,7 +41,9 @@ def largest_speeds(
 
 
 def require(what: str) -> None:
-    """Raise NotInstalled unless toppra is installed; the message names the feature that needs it."""
+    """Raise NotInstalled unless toppra is installed; the message names the feature that needs
+    it.
+    """
     _toppra(what)
 
 

@@ -1,4 +1,6 @@
-"""The animation: what the recorded page holds, decoded as its player does, against the plan's own motion and limits."""
+"""The animation: what the recorded page holds, decoded as its player does, against the plan's own
+motion and limits.
+"""
 
 import json
 import re
@@ -97,7 +99,9 @@ class Recording:
             if message.get("name") == name:
                 values = message.get("updates") or message.get("props") or {}
                 if what in values:
-                    found.append((t, np.frombuffer(self.buffers[values[what]["__binary_index"]], dtype)))
+                    found.append(
+                        (t, np.frombuffer(self.buffers[values[what]["__binary_index"]], dtype))
+                    )
         return [t for t, _ in found], [value for _, value in found]
 
     def of(self, kind):
@@ -117,19 +121,29 @@ def test_frames_are_even_in_time_and_one_second_is_one_second(shown, page):
     recording = Recording(page)
     duration = shown.trajectory.duration
     assert recording.duration == pytest.approx(duration + END_HOLD_TIME, rel=1e-12)
-    ticks = [(t, m["position"][0]) for t, m in recording.of("SetPositionMessage") if m["name"] == "/time"]
+    ticks = [
+        (t, m["position"][0]) for t, m in recording.of("SetPositionMessage") if m["name"] == "/time"
+    ]
     times = sorted({t for t, _ in ticks})
-    np.testing.assert_allclose(times, np.linspace(0, duration, 240)[1:], atol=1e-9)  # the first is how it begins
-    assert all(t == pytest.approx(at, abs=1e-9) for t, at in ticks)  # what the page's legend goes by
+    np.testing.assert_allclose(
+        times, np.linspace(0, duration, 240)[1:], atol=1e-9
+    )  # the first is how it begins
+    assert all(
+        t == pytest.approx(at, abs=1e-9) for t, at in ticks
+    )  # what the page's legend goes by
 
 
 def told_by(page):
     """What the page's script goes by."""
-    return json.loads(re.search(r'<script type="application/json" id="frames">(.*?)</script>', page, re.DOTALL)[1])
+    return json.loads(
+        re.search(r'<script type="application/json" id="frames">(.*?)</script>', page, re.DOTALL)[1]
+    )
 
 
 def test_lengths_and_place_of_every_frame_are_those_of_the_motion(shown, page):
-    """Rounded to a thousandth of a mm or degree; the tool's place as programs have it, from home."""
+    """Rounded to a thousandth of a mm or degree; the tool's place as programs have it, from
+    home.
+    """
     data, machine = told_by(page), shown.machine
     state = shown.trajectory.at(np.linspace(0, shown.trajectory.duration, 240))
     scale = np.array([1e3 if axis.unit == "m" else 180 / np.pi for axis in machine.axes])
@@ -145,27 +159,43 @@ def test_lengths_and_place_of_every_frame_are_those_of_the_motion(shown, page):
 
 
 def test_bars_and_joints_are_where_the_machine_is(shown, page):
-    """The ends of the cylinders against the axes' coordinates and the pose of the trajectory itself."""
+    """The ends of the cylinders against the axes' coordinates and the pose of the trajectory
+    itself.
+    """
     recording, t = Recording(page), np.linspace(0, shown.trajectory.duration, 240)
     state, machine = shown.trajectory.at(t), shown.machine
-    places = [recording.series("/machine/bars", f"batched_{what}") for what in ("positions", "wxyzs", "scales")]
+    places = [
+        recording.series("/machine/bars", f"batched_{what}")
+        for what in ("positions", "wxyzs", "scales")
+    ]
     shapes = ((240, -1, 3), (240, -1, 4), (240, -1, 3))
     centres, turns, scales = (
-        at_frames(*series, t).reshape(shape).astype(float) for series, shape in zip(places, shapes, strict=True)
+        at_frames(*series, t).reshape(shape).astype(float)
+        for series, shape in zip(places, shapes, strict=True)
     )
     w, x, y, z = np.moveaxis(turns, 2, 0)
-    along = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z], -1)  # R ẑ
+    along = np.stack(
+        [2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z], -1
+    )  # R ẑ
     start, end = centres - along * scales[..., 2:] / 2, centres + along * scales[..., 2:] / 2
-    joints = at_frames(*recording.series("/machine/joints", "batched_positions"), t).reshape(240, -1, 3)
+    joints = at_frames(*recording.series("/machine/joints", "batched_positions"), t).reshape(
+        240, -1, 3
+    )
     near = 1e-6 * max(1.0, float(abs(centres).max()))  # single precision
     np.testing.assert_allclose(joints[:, -1], state.pose.translation, atol=near)  # the tool
     if hasattr(machine, "legs") and machine.legs:
         for n in range(machine.legs):  # a rod and its tube for each, one after the other
             np.testing.assert_allclose(scales[:, 2 * n, 2], state.q[:, n], atol=near)
-            np.testing.assert_allclose(start[:, 2 * n], np.tile(machine.base[n], (240, 1)), atol=near)
-            np.testing.assert_allclose(end[:, 2 * n], state.pose.apply(machine.platform[n]), atol=near)
+            np.testing.assert_allclose(
+                start[:, 2 * n], np.tile(machine.base[n], (240, 1)), atol=near
+            )
+            np.testing.assert_allclose(
+                end[:, 2 * n], state.pose.apply(machine.platform[n]), atol=near
+            )
             np.testing.assert_allclose(start[:, 2 * n + 1], start[:, 2 * n], atol=near)
-            assert scales[:, 2 * n + 1, 2].max() < scales[:, 2 * n, 2].min()  # the tube never hides all of the rod
+            assert (
+                scales[:, 2 * n + 1, 2].max() < scales[:, 2 * n, 2].min()
+            )  # the tube never hides all of the rod
     elif machine.name == "linkage":
         np.testing.assert_allclose(scales[:, [0, 2], 2], state.q, atol=near)
     else:
@@ -180,7 +210,9 @@ def test_no_mesh_is_sent_twice(page):
 
 
 def test_bars_have_the_colours_of_their_axes_limits(circle):
-    """Order 3: the largest of |q̇|/max, |q̈|/max and |q⃛|/max, of travel and of the distances of the legs, by hand."""
+    """Order 3: the largest of |q̇|/max, |q̈|/max and |q⃛|/max, of travel and of the distances of
+    the legs, by hand.
+    """
     t = even_instants(circle.trajectory, 60)
     frames = compute_frames(circle, t)
     state, machine = circle.trajectory.at(t), circle.machine
@@ -202,7 +234,9 @@ def test_bars_have_the_colours_of_their_axes_limits(circle):
         at = frames.nearest.which[:, :6] == frames.nearest.limits.index(name)
         np.testing.assert_allclose(share[at], most[at], atol=1e-9)
     recording = Recording(document(circle, 60))
-    colours = at_frames(*recording.series("/machine/bars", "batched_colors", np.uint8), t).reshape(60, -1, 3)
+    colours = at_frames(*recording.series("/machine/bars", "batched_colors", np.uint8), t).reshape(
+        60, -1, 3
+    )
     np.testing.assert_array_equal(colours[:, 0:12:2], colour_uses(frames.nearest.use[:, :6]))
     np.testing.assert_array_equal(colours[:, 1:12:2], colour_uses(frames.nearest.use[:, :6]))
     assert (colours[:, 12:] == parse_colour("#3C464E")).all()  # what no axis moves
@@ -219,7 +253,9 @@ def test_joints_have_the_colours_of_their_tilt(circle):
     tilt = np.concatenate([below, above], 1) / machine.max_tilt
     np.testing.assert_allclose(compute_frames(circle, t).tilt, tilt, atol=1e-9)
     recording = Recording(document(circle, 60))
-    colours = at_frames(*recording.series("/machine/joints", "batched_colors", np.uint8), t).reshape(60, -1, 3)
+    colours = at_frames(
+        *recording.series("/machine/joints", "batched_colors", np.uint8), t
+    ).reshape(60, -1, 3)
     assert (abs(colours[:, :12].astype(int) - colour_uses(tilt)) <= 1).all()  # rounding
 
 
@@ -251,16 +287,22 @@ def test_the_ramp_runs_from_no_use_to_the_limit_and_darkens():
 def test_paths_are_the_planned_one_and_that_of_the_pulses(shown):
     frames = compute_frames(shown, even_instants(shown.trajectory, 2))
     along = np.linspace(0, shown.trajectory.duration, len(frames.planned))
-    np.testing.assert_allclose(frames.planned, shown.trajectory.at(along).pose.translation, atol=1e-12)
+    np.testing.assert_allclose(
+        frames.planned, shown.trajectory.at(along).pose.translation, atol=1e-12
+    )
     worst = shown.realised(stride=100_000)["position"].bound
     assert 0 < np.linalg.norm(frames.errors, axis=1).max() <= worst
-    np.testing.assert_allclose(frames.realised - frames.planned, frames.magnified * frames.errors, atol=1e-12)
+    np.testing.assert_allclose(
+        frames.realised - frames.planned, frames.magnified * frames.errors, atol=1e-12
+    )
     true = compute_frames(shown, even_instants(shown.trajectory, 2), 1.0)
     np.testing.assert_array_equal(true.realised, true.planned + true.errors)
 
 
 def test_a_tool_aside_is_joined_to_the_platform(circle, tmp_path):
-    """From the platform's origin, which is the tool's without one, to the tool: 60 mm along the platform's own z."""
+    """From the platform's origin, which is the tool's without one, to the tool: 60 mm along the
+    platform's own z.
+    """
     file = tmp_path / "held.toml"
     text = 'schema = 1\nlength = "mm"\nangle = "deg"\ntool = { to = [0, 0, 60] }\n[[segment]]\n'
     file.write_text(text + "line = { to = [5, 0, 85], rotate = [2, 0, 0] }\n")
@@ -312,31 +354,44 @@ def test_the_page_says_what_it_draws(shown, page):
     frames = compute_frames(shown, even_instants(shown.trajectory, 240))
     assert f"error magnified {frames.magnified:g} times" in page.replace("\n", " ")
     assert "at true scale" in document(shown, 2, 1.0)
-    data = json.loads(re.search(r'<script type="application/json" id="frames">(.*?)</script>', page, re.S).group(1))
+    data = json.loads(
+        re.search(r'<script type="application/json" id="frames">(.*?)</script>', page, re.S).group(
+            1
+        )
+    )
     assert [view["name"] for view in data["views"]] == ["top", "front", "side", "3-D"]
     assert data["rows"][: len(shown.machine.axes)] == [axis.name for axis in shown.machine.axes]
     assert set(data["names"]) >= {limit.name for limit in shown.limits}
     near = np.array(data["near"])
-    np.testing.assert_allclose(near[:, : len(frames.nearest.owners), 1], 1e3 * frames.nearest.use, atol=0.5 + 1e-6)
+    np.testing.assert_allclose(
+        near[:, : len(frames.nearest.owners), 1], 1e3 * frames.nearest.use, atol=0.5 + 1e-6
+    )
     assert data["first"] == ("top" if shown.machine.name == "linkage" else "3-D")
 
 
 def test_of_a_shaped_plan_it_says_which_path_is_behind_the_shapers(tmp_path):
     machine = load_machine("cartesian")
-    machine = machine.driven_by([replace(axis, shaper=Shaper("zv", 25.0, 0.05)) for axis in machine.axes])
-    made = plan(Program([Line(np.array([0.02, 0.01, 0.0])), Line(np.zeros(3))], name="there and back"), machine)
+    machine = machine.driven_by(
+        [replace(axis, shaper=Shaper("zv", 25.0, 0.05)) for axis in machine.axes]
+    )
+    made = plan(
+        Program([Line(np.array([0.02, 0.01, 0.0])), Line(np.zeros(3))], name="there and back"),
+        machine,
+    )
     frames = compute_frames(made, even_instants(made.trajectory, 2))
     text = " ".join(document(made, 2).split())
     assert frames.shaped
     assert "planned path, before the input shapers" in text
-    told = (
-        f"path behind the input shapers, in whole pulses, distance from the planned path magnified {frames.magnified:g}"
-    )
+    told = f"path behind the input shapers, in whole pulses, distance from the planned path magnified {frames.magnified:g}"
     assert told in text or "in whole pulses, at true scale" in text
     assert "realised path (whole pulses)" not in text
-    assert np.linalg.norm(frames.errors, axis=1).max() <= made.shaped.deviation + 2e-5  # and half a pulse of each axis
+    assert (
+        np.linalg.norm(frames.errors, axis=1).max() <= made.shaped.deviation + 2e-5
+    )  # and half a pulse of each axis
     file = save_four_views(made, tmp_path / "views.svg")
-    assert "path of the pulses, behind the input shapers" in unescape(file.read_text(encoding="utf-8"))
+    assert "path of the pulses, behind the input shapers" in unescape(
+        file.read_text(encoding="utf-8")
+    )
 
 
 def test_names_are_no_markup(circle):
@@ -369,7 +424,11 @@ def test_animate_replaces_nothing_unasked(circle, tmp_path):
         animate(circle, file, frames=3)
     animate(circle, file, frames=3, force=True)
     assert len(Recording(file.read_text(encoding="utf-8")).of("SetPositionMessage")) >= 2
-    for bad, told in [({"frames": 1}, "from 2 to"), ({"frames": 10**6}, "from 2 to"), ({"magnify": 0.0}, "above 0")]:
+    for bad, told in [
+        ({"frames": 1}, "from 2 to"),
+        ({"frames": 10**6}, "from 2 to"),
+        ({"magnify": 0.0}, "above 0"),
+    ]:
         with pytest.raises(MotionError, match=told):
             animate(circle, tmp_path / "other.html", **bad)
     assert [entry.name for entry in tmp_path.iterdir()] == ["way.html"]
@@ -382,7 +441,11 @@ def test_making_a_page_says_nothing_on_stdout(circle, capsys):
 
 def test_stills_are_four_axes_with_equal_scales(shown):
     axes = four_views(shown)
-    assert [ax.get_title() for ax in axes] == [view.name for view in VIEWS] == ["top", "front", "side", "3-D"]
+    assert (
+        [ax.get_title() for ax in axes]
+        == [view.name for view in VIEWS]
+        == ["top", "front", "side", "3-D"]
+    )
     assert len({ax.get_figure(root=True) for ax in axes}) == 1
     figure = axes[0].get_figure(root=True)
     figure.draw_without_rendering()
@@ -392,18 +455,28 @@ def test_stills_are_four_axes_with_equal_scales(shown):
         box = ax.get_window_extent()
         assert box.width / wide == pytest.approx(box.height / high, rel=1e-6)
     limits = [np.diff(getattr(axes[3], f"get_{way}lim3d")())[0] for way in "xyz"]
-    np.testing.assert_allclose(limits / max(limits), axes[3]._box_aspect / max(axes[3]._box_aspect), rtol=1e-6)
+    np.testing.assert_allclose(
+        limits / max(limits), axes[3]._box_aspect / max(axes[3]._box_aspect), rtol=1e-6
+    )
     assert [ax.get_xlabel()[0] + ax.get_ylabel()[0] for ax in axes[:3]] == ["xy", "xz", "yz"]
 
 
 @pytest.mark.parametrize("scale", [1e-4, 1.0])
 def test_a_flat_machine_is_flat_in_space_whatever_its_size(scale, tmp_path):
-    """The linkage, and one of 40 µm: every quantity of its file that has mm in it, times the scale."""
+    """The linkage, and one of 40 µm: every quantity of its file that has mm in it, times the
+    scale.
+    """
     preset = files("kinematics") / "presets" / "linkage.toml"
-    text = re.sub(r'"(-?[\d.]+) mm', lambda found: f'"{scale * float(found[1]):.9g} mm', preset.read_text("utf-8"))
+    text = re.sub(
+        r'"(-?[\d.]+) mm',
+        lambda found: f'"{scale * float(found[1]):.9g} mm',
+        preset.read_text("utf-8"),
+    )
     machine, program = tmp_path / "flat.toml", tmp_path / "way.toml"
     machine.write_text(text, encoding="utf-8")
-    program.write_text(f'schema = 1\nlength = "mm"\n[[segment]]\nline = {{ to = [{40 * scale}, 0, 0] }}\n')
+    program.write_text(
+        f'schema = 1\nlength = "mm"\n[[segment]]\nline = {{ to = [{40 * scale}, 0, 0] }}\n'
+    )
     space = four_views(plan(load_program(str(program)), load_machine(str(machine)), order=2))[3]
     wide, deep, high = (np.diff(getattr(space, f"get_{way}lim3d")())[0] for way in "xyz")
     assert 0 < high < 0.01 * min(wide, deep)
@@ -435,9 +508,13 @@ ALONE = ("--window-size=320,200", "--host-resolver-rules=MAP * ~NOTFOUND")
 
 
 def open_page(folder, page):
-    """What a browser makes of a page: its document, what is said on the console, and who asked the network."""
+    """What a browser makes of a page: its document, what is said on the console, and who asked the
+    network.
+    """
     log = folder / "net.json"
-    done = browse(folder, page, *ALONE, f"--log-net-log={log}", "--virtual-time-budget=100", "--dump-dom")
+    done = browse(
+        folder, page, *ALONE, f"--log-net-log={log}", "--virtual-time-budget=100", "--dump-dom"
+    )
     said = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     askers = set(re.findall(r'"initiator":"([^"]*)"', log.read_text(errors="replace")))
     return done.stdout, said, askers - {"not an origin"}  # the browser itself, for its own ends
@@ -446,7 +523,9 @@ def open_page(folder, page):
 @needs_browser
 def test_a_browser_shows_it_and_asks_no_network(circle, tmp_path):
     shown, said, askers = open_page(tmp_path, animate(circle, tmp_path / "way.html", frames=12))
-    assert all("GL Driver Message" in line for line in said)  # viser's client would say much, and the browser may
+    assert all(
+        "GL Driver Message" in line for line in said
+    )  # viser's client would say much, and the browser may
     assert not [line for line in said if re.search("ERROR|Uncaught|Refused|violates", line)]
     assert re.search(r'<p id="when">\d\.\d{3} s of 1\.262 s</p>', shown)
     # the numbers of one of its frames stand in the page: that of the time which it shows
@@ -454,7 +533,9 @@ def test_a_browser_shows_it_and_asks_no_network(circle, tmp_path):
     (when,) = re.findall(r'<p id="when">(\d\.\d{3}) s', shown)
     k = [f"{t:.3f}" for t in data["t"]].index(when)
     places = re.findall(r"<span>(-?[\d.]+ mm|-?[\d.]+°)</span>", shown)
-    assert places == [f"{value:.3f}{' mm' if n < 3 else '°'}" for n, value in enumerate(data["pose"][k])]
+    assert places == [
+        f"{value:.3f}{' mm' if n < 3 else '°'}" for n, value in enumerate(data["pose"][k])
+    ]
     lengths = re.findall(r"leg\d</td><td>([\d.]+) mm</td>", shown)
     assert lengths == [f"{value:.3f}" for value in data["q"][k]]
     assert askers == set()
@@ -482,7 +563,9 @@ class Bare(Machine):
     freedom, sorts, characteristic_length = ("x", "y", "z"), ("linear",) * 3, 0.1
 
     def __init__(self):
-        axes = [Axis(name, travel=(-0.1, 0.1), max_speed=0.1, max_acceleration=1.0) for name in "xyz"]
+        axes = [
+            Axis(name, travel=(-0.1, 0.1), max_speed=0.1, max_acceleration=1.0) for name in "xyz"
+        ]
         super().__init__("bare", axes, [0, 0, 0.1])
 
     def expression(self, position, rotation, near):
@@ -498,9 +581,13 @@ def test_a_machine_without_a_skeleton_is_drawn_by_its_tool(tool, tmp_path):
     frames = compute_frames(made, t)
     if tool is None:
         ways = np.diff(frames.placed.bars, axis=2)[:, :, 0]
-        np.testing.assert_allclose(frames.placed.bars[:, :, 0], np.repeat(frames.tool[:, None], 3, 1))
         np.testing.assert_allclose(
-            ways @ ways.swapaxes(1, 2), np.tile((0.15 * 0.02) ** 2 * np.eye(3), (2, 1, 1)), atol=1e-18
+            frames.placed.bars[:, :, 0], np.repeat(frames.tool[:, None], 3, 1)
+        )
+        np.testing.assert_allclose(
+            ways @ ways.swapaxes(1, 2),
+            np.tile((0.15 * 0.02) ** 2 * np.eye(3), (2, 1, 1)),
+            atol=1e-18,
         )
     assert len(frames.bars) == (3 if tool is None else 1)  # its shank shows where it is
     assert save_four_views(made, tmp_path / "bare.png").stat().st_size > 0

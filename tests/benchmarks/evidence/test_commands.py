@@ -1,4 +1,6 @@
-"""Times of commands: refusals within their time, and a cold plan that takes little of a processor."""
+"""Times of commands: refusals within their time, and a cold plan that takes little of a
+processor.
+"""
 
 import pytest
 
@@ -7,7 +9,9 @@ from kinematics import MotionError
 from tests.pace import slowness
 
 ENOUGH = 6.0
-"""s of processor time: 3.6 measured; 5.2 before anything was done about it, and 7.3 with figures."""
+"""s of processor time: 3.6 measured; 5.2 before anything was done about it, and 7.3 with
+figures.
+"""
 
 
 @pytest.mark.parametrize(

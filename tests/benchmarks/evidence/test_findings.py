@@ -34,19 +34,31 @@ def test_the_page_covers_every_assumption_under_every_finding():
 
 
 def test_the_rig_as_stated_reads_and_ends_as_the_printed_program_and_each_reading_is_run():
-    """[Sahbaz 2007, Appendix E]: GetCurrentSpeed and SDStop(axis, 0.001); SetContinuousMove has two readings."""
+    """[Sahbaz 2007, Appendix E]: GetCurrentSpeed and SDStop(axis, 0.001); SetContinuousMove has two
+    readings.
+    """
     stated, *others = assumptions()
     assert (stated.rig.host.speed_from, stated.rig.host.closing_stop) == ("card", 0.001)
     known = {assumption.name: assumption.rig.card for assumption in (stated, *others)}
     read = [(known[reading].while_moving, known[reading].current_speed) for reading in READINGS]
-    assert read == [("replace", "signed"), ("queue", "signed"), ("replace", "magnitude"), ("queue", "magnitude")]
+    assert read == [
+        ("replace", "signed"),
+        ("queue", "signed"),
+        ("replace", "magnitude"),
+        ("queue", "magnitude"),
+    ]
 
 
 def test_what_a_finding_needs_is_said_of_the_readings_under_which_it_holds():
     none = dict.fromkeys((*READINGS, "drives 5 ms late"), False)
     assert describe_need(none) == "none: no reading or assumption makes it hold"
-    assert describe_need(none | {"drives 5 ms late": True}) == "another assumption: drives 5 ms late"
-    assert describe_need(none | {READINGS[1]: True, READINGS[3]: True}) == f"{READINGS[1]}; {READINGS[3]}"
+    assert (
+        describe_need(none | {"drives 5 ms late": True}) == "another assumption: drives 5 ms late"
+    )
+    assert (
+        describe_need(none | {READINGS[1]: True, READINGS[3]: True})
+        == f"{READINGS[1]}; {READINGS[3]}"
+    )
     assert describe_need(none | dict.fromkeys(READINGS, True)) == "none: it holds with each"
 
 
@@ -89,9 +101,14 @@ def test_judgements_of_laws_that_are_all_alike():
 def test_judgements_of_laws_as_the_thesis_has_them():
     curve = {0.1: 3e-3, 0.5: 1.05e-3, 0.7: 1e-3, 0.9: 1.09e-3, 1.0: 4e-3}
     lost = {0.7: 1.0}
-    made = judged(law4=lost, law5=lost, law6=curve, law7=curve, law6r=curve, law7r=curve, law2={0.7: 2e-3})
+    made = judged(
+        law4=lost, law5=lost, law6=curve, law7=curve, law6r=curve, law7r=curve, law2={0.7: 2e-3}
+    )
     full = made.settings["3t"][0]
-    shaken = {**made.settings, "3t": (replace(full, figures={**full.figures, "vibration_power": 4.0}),)}
+    shaken = {
+        **made.settings,
+        "3t": (replace(full, figures={**full.figures, "vibration_power": 4.0}),),
+    }
     assert holds(replace(made, settings=shaken)) == [True] * len(FINDINGS)
 
 

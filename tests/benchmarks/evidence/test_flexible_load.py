@@ -41,15 +41,21 @@ def residuals(trajectory, machine, shaper, load):
 
 @pytest.mark.parametrize("kind", sorted(IMPULSES))
 def test_the_residual_vibration_is_that_of_the_formula(bare, kind):
-    """Without damping the amplitude after the end is the spectrum at f: the shaper multiplies it by V(f)."""
+    """Without damping the amplitude after the end is the spectrum at f: the shaper multiplies it by
+    V(f).
+    """
     shaper = Shaper(kind, 23.0)
     for frequency in (20.7, 23.0, 25.3):
         shaped, unshaped = residuals(bare.trajectory, bare.machine, shaper, FlexibleLoad(frequency))
         assert unshaped.min() > 1e-8
-        assert np.allclose(shaped, shaper.vibration(frequency, 0.0) * unshaped, rtol=0, atol=2e-3 * unshaped.max())
+        assert np.allclose(
+            shaped, shaper.vibration(frequency, 0.0) * unshaped, rtol=0, atol=2e-3 * unshaped.max()
+        )
 
 
 @pytest.mark.parametrize("kind", sorted(IMPULSES))
 def test_a_damped_vibration_is_below_five_per_cent_at_its_frequency(bare, kind):
-    shaped, unshaped = residuals(bare.trajectory, bare.machine, Shaper(kind, 23.0, 0.05), FlexibleLoad(23.0, 0.05))
+    shaped, unshaped = residuals(
+        bare.trajectory, bare.machine, Shaper(kind, 23.0, 0.05), FlexibleLoad(23.0, 0.05)
+    )
     assert (shaped <= 0.05 * unshaped).all()

@@ -26,7 +26,9 @@ def machine():
 
 
 def turned(machine, degrees):
-    return machine.home * RigidTransform.from_rotation(Rotation.from_rotvec([[0, 0, np.deg2rad(degrees)]]))
+    return machine.home * RigidTransform.from_rotation(
+        Rotation.from_rotvec([[0, 0, np.deg2rad(degrees)]])
+    )
 
 
 def test_inside_the_limits_nearly_all_is_certified_and_nothing_in_another_mode(machine):
@@ -66,7 +68,9 @@ def test_the_referee_knows_lengths_and_jacobian(machine):
 
 @pytest.mark.parametrize(("degrees", "arrives"), [(80, True), (100, False)])
 def test_a_machine_led_through_a_singularity_need_not_arrive(machine, degrees, arrives):
-    """A quarter turn is singular [Fichter 1986]: beyond it, two poses of the same lengths have met."""
+    """A quarter turn is singular [Fichter 1986]: beyond it, two poses of the same lengths have
+    met.
+    """
     end = turned(machine, degrees)
     signs = [
         np.linalg.slogdet(leg_jacobian(machine, interpolate_from_home(machine, end, share))[1])[0]
@@ -74,7 +78,9 @@ def test_a_machine_led_through_a_singularity_need_not_arrive(machine, degrees, a
     ]
     assert (signs[0] == signs[1]).all() == arrives
     apart = follow_lengths(machine, end).inv() * end
-    assert (np.linalg.norm(apart.translation) + apart.rotation.magnitude() < SAME_POSE_TOLERANCE).all() == arrives
+    assert (
+        np.linalg.norm(apart.translation) + apart.rotation.magnitude() < SAME_POSE_TOLERANCE
+    ).all() == arrives
 
 
 def test_without_a_certificate_the_pose_is_the_same_and_nothing_is_certified(machine):

@@ -1,4 +1,6 @@
-"""A small part of the table of tracking laws: the best published law on both paths compared with ours."""
+"""A small part of the table of tracking laws: the best published law on both paths compared with
+ours.
+"""
 
 import pytest
 
@@ -12,12 +14,15 @@ def stated():
 
 
 def test_ours_cut_the_contour_error_of_the_best_published_law(stated):
-    """Law 1 is the best of the seven on both paths (the whole table: `python -m benchmarks.evidence laws_compared`).
+    """Law 1 is the best of the seven on both paths (the whole table: `python -m benchmarks.evidence
+    laws_compared`).
 
-    5 on the thesis' line is what was set as goal; on the second path, and with 30 % more inertia and friction, half.
+    5 on the thesis' line is what was set as goal; on the second path, and with 30 % more inertia
+    and friction, half.
     """
     theirs, ours = (
-        measure_law(find_law(number, stated), stated, ("line", "circle"), (1.3,)) for number in ("1", "mpc")
+        measure_law(find_law(number, stated), stated, ("line", "circle"), (1.3,))
+        for number in ("1", "mpc")
     )
     line, *others = find_cut(theirs[None], ours)
     assert line >= 5

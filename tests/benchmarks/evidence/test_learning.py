@@ -1,4 +1,6 @@
-"""Learning over trials: errors that fall within the limits of the machine, and the gain that carries over."""
+"""Learning over trials: errors that fall within the limits of the machine, and the gain that
+carries over.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -19,7 +21,9 @@ DT = 0.125
 
 
 def make_rig(max_speeds=(None, None, None)):
-    axes = tuple(Axis(name, pulse=PULSE, max_speed=top) for name, top in zip("xyz", max_speeds, strict=True))
+    axes = tuple(
+        Axis(name, pulse=PULSE, max_speed=top) for name, top in zip("xyz", max_speeds, strict=True)
+    )
     machine = SimpleNamespace(name="rig", axes=axes, home_q=np.zeros(3))
     return Rig(machine, (leg_servo(axes[0]),) * 3)
 
@@ -32,7 +36,9 @@ TASK = Task("line", make_motion("quarter-sine", (30_000, -9_000, 15_000)), DT)
 
 
 def test_errors_fall_from_trial_to_trial():
-    """The last errors are those of quantization and of speeds in straight lines: they vary by half a pulse."""
+    """The last errors are those of quantization and of speeds in straight lines: they vary by half
+    a pulse.
+    """
     learning = learn(make_rig(), TASK, 3)
     assert np.all(learning.error[1:] <= learning.error[:-1] + 0.5)
     assert np.all(learning.error[0] > 50 * learning.error[-1])
@@ -51,7 +57,9 @@ def test_learned_commands_keep_the_limits_of_the_machine():
 
 
 def test_a_gain_that_the_data_sheet_has_wrong_is_learned_and_carries_over():
-    """The plant has 24 1/s, the data sheet 30: the fit to the learned table gives 24, for another motion as well."""
+    """The plant has 24 1/s, the data sheet 30: the fit to the learned table gives 24, for another
+    motion as well.
+    """
     rig = make_rig()
     plant = replace(rig, drives=tuple(replace(drive, position_gain=24.0) for drive in rig.drives))
     learning = learn(rig, TASK, 3, plant=plant)

@@ -15,8 +15,8 @@ PAGE = Path(__file__).parents[3] / "docs" / "evidence.md"
 def test_the_committed_page_is_what_the_command_prints():
     text = render_case("published")
     assert PAGE.read_text(encoding="utf-8") == text, STALE
-    # Table 6.4: the tilt grows with the pulse, by nearly as much as was measured; a factor common to
-    # all legs turns no heading
+    # Table 6.4: the tilt grows with the pulse, by nearly as much as was measured; a factor common
+    # to all legs turns no heading
     assert "| tilt from z | 0.179 | 0.165 |" in text
     assert "| heading of the tilt about z | -1.792 | -0.042 |" in text
 

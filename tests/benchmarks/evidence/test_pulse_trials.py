@@ -1,4 +1,6 @@
-"""A tenth of the case `pulse_trials` with 1e7 pulses: random machines and programs, no pulse at fault."""
+"""A tenth of the case `pulse_trials` with 1e7 pulses: random machines and programs, no pulse at
+fault.
+"""
 
 from benchmarks.evidence.cases.pulse_trials import run_trials
 

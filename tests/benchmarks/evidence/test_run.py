@@ -1,4 +1,6 @@
-"""The runner of the evidence: it lists cases, reads options off a signature, and writes all or nothing."""
+"""The runner of the evidence: it lists cases, reads options off a signature, and writes all or
+nothing.
+"""
 
 import sys
 from collections.abc import Iterator
@@ -147,7 +149,9 @@ def test_a_file_that_cannot_be_written_is_named(start, use_measure, tmp_path):
     assert str(tmp_path) in err
 
 
-def test_a_file_that_cannot_be_written_is_refused_before_the_measurement(start, use_measure, tmp_path):
+def test_a_file_that_cannot_be_written_is_refused_before_the_measurement(
+    start, use_measure, tmp_path
+):
     (tmp_path / "file").write_text("")
     rows = []
 

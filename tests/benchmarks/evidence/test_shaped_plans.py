@@ -1,4 +1,6 @@
-"""Plans after input shapers compared with samples: a small part of the case `shaped_plans` of the evidence."""
+"""Plans after input shapers compared with samples: a small part of the case `shaped_plans` of the
+evidence.
+"""
 
 from functools import partial
 from itertools import islice
@@ -68,7 +70,9 @@ def plan_directions(name):
 
 
 def measure_directions(planned, share):
-    """Return the share of the vibration left along x and along y, at a share of the frequencies of their shapers."""
+    """Return the share of the vibration left along x and along y, at a share of the frequencies of
+    their shapers.
+    """
     bare, shaped = planned.trajectory, planned.shaped.motion
 
     def find_place(k, t):
@@ -81,7 +85,9 @@ def measure_directions(planned, share):
     for k, mode in enumerate(MODES):
         load = FlexibleLoad(share * mode.frequency, mode.damping)
         after = shaped_plans.swing(load, partial(find_place, k), shaped.duration)
-        left.append(float(after[0] / shaped_plans.swing(load, partial(find_bare, k), bare.duration)[0]))
+        left.append(
+            float(after[0] / shaped_plans.swing(load, partial(find_bare, k), bare.duration)[0])
+        )
     return left
 
 
@@ -108,7 +114,9 @@ def test_the_rig_swings_less_with_a_shaper(circle, rig, frequency):
 
 
 def test_what_play_adds_is_not_shaped(circle):
-    """The 5 µm of the nut are released at once where a leg turns back: a step, which swings the load."""
+    """The 5 µm of the nut are released at once where a leg turns back: a step, which swings the
+    load.
+    """
     shaper, play = Shaper("zvd", 12.0, 0.01), 5e-6
     _, without = shaped_plans.swing_on_rig(circle, shaper, "hexapod-steppers", play=0.0)
     _, after = shaped_plans.swing_on_rig(circle, shaper, "hexapod-steppers", play=play)

@@ -1,4 +1,6 @@
-"""The report in a browser: figures, scrubber and legend follow each other, and show the plan's own values."""
+"""The report in a browser: figures, scrubber and legend follow each other, and show the plan's own
+values.
+"""
 
 import re
 
@@ -121,16 +123,23 @@ def page(planned, tmp_path_factory):
 @needs_browser
 def test_cursor_zoom_and_legend_hold_for_all_figures(planned, page, tmp_path):
     duration = planned.trajectory.duration
-    act = ACT.replace("WHEN", str(WHEN)).replace("STEP", str(2 / FRAMES)).replace("DURATION", str(duration))
+    act = (
+        ACT.replace("WHEN", str(WHEN))
+        .replace("STEP", str(2 / FRAMES))
+        .replace("DURATION", str(duration))
+    )
     said, log = act_in(tmp_path, page, act)
     assert not re.search("CONSOLE(?!.*GL Driver Message)|Uncaught|Refused|violates|Resize", log)
     assert said["last"].startswith(f"{duration:.4f} s")
     assert said["at"] == pytest.approx(WHEN, abs=duration / 2000)
     assert said["text"] == said["spoken"]
-    assert re.match(r"0\.\d{4} s · segment 1 \(arc\)(, file line \d+)? · (held by \w|no limit)", said["text"])
+    assert re.match(
+        r"0\.\d{4} s · segment 1 \(arc\)(, file line \d+)? · (held by \w|no limit)", said["text"]
+    )
     figures = dict(said["legends"])
     state = planned.trajectory.at(WHEN)
-    # between two instants that are drawn, values move by less than their derivative's limit times the step
+    # between two instants that are drawn, values move by less than their derivative's limit times
+    # the step
     step = duration / 1000
     for label, values, rate in (
         ("position (mm)", state.q[0] - planned.machine.home_q, 20),
@@ -145,7 +154,9 @@ def test_cursor_zoom_and_legend_hold_for_all_figures(planned, page, tmp_path):
     assert said["whole"] == pytest.approx([0, duration], abs=1e-4)
     # the machine in space stands at the frame of that time, onwards and back
     for name, when in (("late", 1.0), ("early", 0.25)):
-        assert float(said[name].split()[0]) == pytest.approx(when, abs=1.01 * duration / (FRAMES - 1))
+        assert float(said[name].split()[0]) == pytest.approx(
+            when, abs=1.01 * duration / (FRAMES - 1)
+        )
 
 
 @needs_browser
@@ -157,11 +168,20 @@ def test_nothing_is_wider_than_the_window(page, tmp_path, width):
 
 @needs_browser
 def test_on_a_phone_every_number_of_a_wide_table_is_seen_with_what_it_is(page, tmp_path):
-    """Rows are cards there: nothing is beyond the edge, and each cell has the title of its column."""
+    """Rows are cards there: nothing is beyond the edge, and each cell has the title of its
+    column.
+    """
     said, _ = act_in(tmp_path, page, CARDS, "500,900", "--hide-scrollbars")
     assert said["scrolls"] == []
     told = {cell["said"].strip('"') for cell in said["seen"]}
-    assert told >= {"saved (ms)", "largest at", "proven ≤", "s (mm)", "mean speed (mm/s)", "stated error (pulses)"}
+    assert told >= {
+        "saved (ms)",
+        "largest at",
+        "proven ≤",
+        "s (mm)",
+        "mean speed (mm/s)",
+        "stated error (pulses)",
+    }
     assert all(cell["said"] not in ("none", '""') for cell in said["seen"])
     assert max(cell["right"] for cell in said["seen"]) <= 500
     assert max(cell["wide"] for cell in said["seen"]) <= 0
@@ -170,11 +190,15 @@ def test_on_a_phone_every_number_of_a_wide_table_is_seen_with_what_it_is(page, t
 @needs_browser
 def test_ticks_and_times_of_a_motion_of_a_millisecond_are_told_apart(tmp_path):
     """Ticks have as many decimals as their steps, and what is 0 throughout is 0."""
-    brief = plan(Program([Line(np.array([1e-8, 0.0, 0.0]))], name="brief"), load_machine("traverser"))
+    brief = plan(
+        Program([Line(np.array([1e-8, 0.0, 0.0]))], name="brief"), load_machine("traverser")
+    )
     assert brief.duration < 5e-3
     file = tmp_path / "report.html"
     verdict = check(brief.pulses, brief.trajectory)
-    write_report(PlanReport(brief, verdict, classical=classical(brief), scene=document(brief, 2)), file)
+    write_report(
+        PlanReport(brief, verdict, classical=classical(brief), scene=document(brief, 2)), file
+    )
     (drawn, now, values), log = act_in(tmp_path, file, TICKS)
     assert "Uncaught" not in log
     ticks = [text for text in drawn if re.fullmatch(r"0\.00\d+", text)]

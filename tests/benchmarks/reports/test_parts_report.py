@@ -1,4 +1,6 @@
-"""The report of a plan in parts: its extremes are those of the motion, its band is what they use, and it lives."""
+"""The report of a plan in parts: its extremes are those of the motion, its band is what they use,
+and it lives.
+"""
 
 import re
 from base64 import b64decode
@@ -80,7 +82,10 @@ def test_the_page_holds_the_extremes_of_every_window(made):
     times = [np.frombuffer(b64decode(text), "<f4") for text in packed["times"]]
     machine = standing.machine
     rows = [np.array(each) for each in zip(*sample(motions, seen.period), strict=True)]
-    for label, column, zero in (("position (mm)", 1, machine.home_q), ("jerk (mm/s³)", 4, np.zeros(6))):
+    for label, column, zero in (
+        ("position (mm)", 1, machine.home_q),
+        ("jerk (mm/s³)", 4, np.zeros(6)),
+    ):
         (panel,) = [one for one in packed["figures"]["axes"] if one["label"] == label]
         for k, series in enumerate(panel["series"]):
             t, y = times[series["t"]], np.frombuffer(b64decode(series["y"]), "<f4")
@@ -89,7 +94,9 @@ def test_the_page_holds_the_extremes_of_every_window(made):
             assert np.all(np.diff(t) >= 0)
             pairs = y[1:-1].reshape(-1, 2)
             for begin, both in zip(t[1:-1:2], pairs, strict=True):
-                inside = rows[column][(begin - 1e-5 <= rows[0]) & (rows[0] < begin + seen.window - 1e-5), k]
+                inside = rows[column][
+                    (begin - 1e-5 <= rows[0]) & (rows[0] < begin + seen.window - 1e-5), k
+                ]
                 found = 1e3 * (np.array([inside.min(), inside.max()]) - zero[k])
                 np.testing.assert_allclose(np.sort(both), found, rtol=1e-5, atol=1e-4)
 
@@ -116,23 +123,30 @@ def test_the_band_has_the_colour_of_the_limit_that_is_active_as_in_a_plan_of_the
     for t in np.linspace(0, standing.duration, 4001)[:-1]:
         owner = band["runs"][np.searchsorted(begins, t + 1e-9, side="right") - 1][1]
         n = active[np.searchsorted(knots, t, side="right") - 1]
-        agree += (names[owner] if owner >= 0 else None) == (whole.limits[n].name if n >= 0 else None)
+        agree += (names[owner] if owner >= 0 else None) == (
+            whole.limits[n].name if n >= 0 else None
+        )
         total += 1
     assert {"speed", "acceleration", "jerk", "tool speed"} >= set(names) >= {"jerk", "tool speed"}
     assert agree / total > 0.97  # windows of some ms, of which the longest limit has the colour
 
 
 def test_axes_and_limits_have_the_colours_of_a_plan_of_the_whole(made):
-    """In the figures, in the band, and as lines of limits; a limit of one axis has that of the axis."""
+    """In the figures, in the band, and as lines of limits; a limit of one axis has that of the
+    axis.
+    """
     standing, seen, held, _ = made
     whole = plan(capped(), load_machine("hexapod"))
     parts, figures = draw(standing, seen, held)["axes"].panels, draw_axes(whole)["axes"].panels
     for of in figures:
         (panel,) = [one for one in parts if one.label == of.label]
-        assert [(one.name, one.color.lower()) for one in panel.series] == [(one.name, one.color) for one in of.series]
+        assert [(one.name, one.color.lower()) for one in panel.series] == [
+            (one.name, one.color) for one in of.series
+        ]
         assert dict(panel.levels) == pytest.approx(dict(of.levels))
     in_parts, in_whole = (
-        {one["name"]: one["color"] for one in band["limits"]} for band in (make_window_band(held), make_band(whole))
+        {one["name"]: one["color"] for one in band["limits"]}
+        for band in (make_window_band(held), make_band(whole))
     )
     assert in_parts == in_whole
     assert {"jerk", "tool speed"} <= set(in_parts)
@@ -151,12 +165,20 @@ def test_limits_of_two_directions_are_drawn_on_both_sides():
     axes = [replace(axis, max_speed=(0.01, 0.02)) for axis in load_machine("hexapod").axes]
     assert list_levels(axes, "speed", "linear") == [(-0.01, "#000000"), (0.02, "#000000")]
     axes[1] = replace(axes[1], max_speed=0.02)
-    assert [color for _, color in list_levels(axes, "speed", "linear")] == [PALETTE[1], PALETTE[0], "#000000"]
+    assert [color for _, color in list_levels(axes, "speed", "linear")] == [
+        PALETTE[1],
+        PALETTE[0],
+        "#000000",
+    ]
 
 
 def test_a_limit_that_no_axis_has_is_in_the_figure(made):
     standing, seen, held, _ = made
-    (panel,) = [one for one in draw(standing, seen, held)["axes"].panels if one.label == "largest share of the limit"]
+    (panel,) = [
+        one
+        for one in draw(standing, seen, held)["axes"].panels
+        if one.label == "largest share of the limit"
+    ]
     (tool,) = [one for one in panel.series if one.name == "tool speed"]
     assert tool.values.max() == pytest.approx(1.0, abs=1e-3)
 
@@ -181,7 +203,9 @@ def test_it_lives_in_a_browser_without_a_complaint(made, page, tmp_path):
     standing, seen, _, motions = made
     open_page = tmp_path / "report.html"
     text = page.read_text(encoding="utf-8")
-    open_page.write_text(text.replace("; script-src", "; connect-src data:; script-src"), encoding="utf-8")
+    open_page.write_text(
+        text.replace("; script-src", "; connect-src data:; script-src"), encoding="utf-8"
+    )
     said, log = act_in(tmp_path, open_page, ACT)
     assert not re.search("CONSOLE|Uncaught|Refused|violates|Resize", log)
     ((_, motion),) = motions  # one part

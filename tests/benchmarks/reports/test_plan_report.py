@@ -77,12 +77,18 @@ def verdict(planned):
 def metrics(planned):
     machine = planned.machine
     rig = assumed_rig(machine)
-    return [evaluate(track(planned, machine, find_law(law), rig=rig), planned, machine) for law in ("3", "6")]
+    return [
+        evaluate(track(planned, machine, find_law(law), rig=rig), planned, machine)
+        for law in ("3", "6")
+    ]
 
 
 @pytest.fixture(scope="module")
 def realised(planned):
-    return replace(planned.realised(stride=20), mechanics=("leg1, leg2: play 2 (not) µm", "leg3: play <3> (not) µm"))
+    return replace(
+        planned.realised(stride=20),
+        mechanics=("leg1, leg2: play 2 (not) µm", "leg3: play <3> (not) µm"),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +98,13 @@ def folder(tmp_path_factory, planned, baseline, metrics, verdict, realised):
     change = worth.replan(*worth.best, 0.2)
     write_report(
         PlanReport(
-            planned, verdict, classical=baseline, metrics=metrics, realised=realised, worth=worth, change=change
+            planned,
+            verdict,
+            classical=baseline,
+            metrics=metrics,
+            realised=realised,
+            worth=worth,
+            change=change,
         ),
         folder / "report.html",
     )
@@ -111,11 +123,19 @@ def page(text):
 
 def number(text):
     """The number that a cell begins with."""
-    return float(re.match(r"-?[\d\N{NARROW NO-BREAK SPACE}.]+", text)[0].replace("\N{NARROW NO-BREAK SPACE}", ""))
+    return float(
+        re.match(r"-?[\d\N{NARROW NO-BREAK SPACE}.]+", text)[0].replace(
+            "\N{NARROW NO-BREAK SPACE}", ""
+        )
+    )
 
 
 def test_nothing_is_loaded_from_outside(text, page):
-    library = files("benchmarks").joinpath("templates", "uplot", "uPlot.iife.min.js").read_text(encoding="utf-8")
+    library = (
+        files("benchmarks")
+        .joinpath("templates", "uplot", "uPlot.iife.min.js")
+        .read_text(encoding="utf-8")
+    )
     assert library in text
     data = r'base64,[\w+/=]+|<script type="application/json".*?</script>'
     own = re.sub(data, "", text.replace(library, ""), flags=re.DOTALL)
@@ -124,7 +144,9 @@ def test_nothing_is_loaded_from_outside(text, page):
     for tag, attributes in page.tags:
         for name in ("src", "href", "srcset", "data", "action"):
             assert attributes.get(name, "data:").startswith(("data:", "#")), tag  # within the page
-    policy = [attributes["content"] for tag, attributes in page.tags if attributes.get("http-equiv")]
+    policy = [
+        attributes["content"] for tag, attributes in page.tags if attributes.get("http-equiv")
+    ]
     assert policy == [POLICY]
     assert not re.search("https?:|[*]|self", POLICY)
 
@@ -164,7 +186,9 @@ def test_it_says_what_limits_are_worth(text, page, planned):
 def test_the_summary_shows_the_plans_numbers(page, planned, baseline, verdict):
     rows = dict(page.tables["summary"])
     stated = summarise(PlanReport(planned, verdict, classical=baseline))
-    known = {row.label: row.text for row in stated} | {"limits 1 % higher": planned.worth.describe()}
+    known = {row.label: row.text for row in stated} | {
+        "limits 1 % higher": planned.worth.describe()
+    }
     assert rows == {label[0].upper() + label[1:]: text for label, text in known.items()}
     assert ("above the proved least of" in rows["Duration"]) == bool(planned.known)
     lost = planned.trajectory.duration - baseline.duration
@@ -188,7 +212,12 @@ def test_the_certificate_is_shown_with_bounds_that_are_bounds(page, planned):
     head, *rows = page.tables["certificate"]
     assert [row[0] for row in rows] == list(planned.certificate.worst)
     allowed = {row[0]: row[1] for row in rows}
-    expected = {"speed": "20 mm/s", "acceleration": "225 mm/s²", "jerk": "4000 mm/s³", "tilt": "35 deg"}
+    expected = {
+        "speed": "20 mm/s",
+        "acceleration": "225 mm/s²",
+        "jerk": "4000 mm/s³",
+        "tilt": "35 deg",
+    }
     assert {name: allowed[name] for name in expected} == expected
     for row in rows:
         cells = dict(zip(head, row, strict=True))
@@ -208,7 +237,9 @@ def test_the_other_tables_show_the_plans_numbers(page, planned, baseline, metric
         assert [number(cell) for cell in row[1:5]] == [len(axis), 0.75, axis.start, axis.final]
     _, *rows = page.tables["limits"]
     # one limit or none is active at any time
-    assert sum(number(row[1]) for row in rows) == pytest.approx(planned.trajectory.duration, abs=5e-4 * len(rows))
+    assert sum(number(row[1]) for row in rows) == pytest.approx(
+        planned.trajectory.duration, abs=5e-4 * len(rows)
+    )
     _, *rows = page.tables["tracking"]
     for row, series in zip(rows, [series for law in metrics for series in law.series], strict=True):
         assert row[1] == series.name
@@ -228,23 +259,40 @@ def test_names_are_escaped(tmp_path, planned, baseline, verdict):
     write_report(PlanReport(renamed, verdict, classical=baseline), tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert "<script>alert" not in text
-    assert text.count("<script") == 4  # the data, uPlot, what draws with it, and what says how far it is read
+    assert (
+        text.count("<script") == 4
+    )  # the data, uPlot, what draws with it, and what says how far it is read
     assert text.count("&lt;script&gt;alert(&#39;x&#39;)&lt;/script&gt; &amp; &#34;quoted&#34;") == 2
-    # and without the pulses' path there is no part about it; without laws no table, but how to come by one
+    # and without the pulses' path there is no part about it; without laws no table, but how to come
+    # by one
     assert {"tracking", "realised"}.isdisjoint(Page(text).tables)
-    assert {path.stem for path in (tmp_path / "figures").iterdir()} == FIGURES - {"tracking", "realised", "worth"}
+    assert {path.stem for path in (tmp_path / "figures").iterdir()} == FIGURES - {
+        "tracking",
+        "realised",
+        "worth",
+    }
     assert "pulsepath track DIR --rig RIG" in text
 
 
 def test_the_machine_in_space_is_data_until_it_is_opened(tmp_path, planned, baseline, verdict):
     scene = "</script><script>alert('x')</script><p id='machine'>"
-    write_report(PlanReport(planned, verdict, classical=baseline, figures={}, scene=scene), tmp_path / "report.html")
-    assert "3-D" not in (tmp_path / "report.html").read_text()  # without figures there is nothing to follow
+    write_report(
+        PlanReport(planned, verdict, classical=baseline, figures={}, scene=scene),
+        tmp_path / "report.html",
+    )
+    assert (
+        "3-D" not in (tmp_path / "report.html").read_text()
+    )  # without figures there is nothing to follow
     drawn = draw_axes(planned)
-    write_report(PlanReport(planned, verdict, classical=baseline, figures=drawn, scene=scene), tmp_path / "report.html")
+    write_report(
+        PlanReport(planned, verdict, classical=baseline, figures=drawn, scene=scene),
+        tmp_path / "report.html",
+    )
     text = (tmp_path / "report.html").read_text()
     assert "<script>alert" not in text
-    (held,) = re.findall(r'<script type="application/json" id="machine">(.*?)</script>', text, re.DOTALL)
+    (held,) = re.findall(
+        r'<script type="application/json" id="machine">(.*?)</script>', text, re.DOTALL
+    )
     assert json.loads(held) == scene
     assert [a["content"] for t, a in Page(text).tags if a.get("http-equiv")] == [PLAYER_POLICY]
     assert not re.search("https?:|[*]|self", PLAYER_POLICY)
@@ -273,7 +321,12 @@ def test_a_bound_is_rounded_up():
 
 @pytest.mark.parametrize(
     ("quantity", "limits"),
-    [("position", [0, 50.8]), ("speed", [-20, 20]), ("acceleration", [-225, 225]), ("jerk", [-4e3, 4e3])],
+    [
+        ("position", [0, 50.8]),
+        ("speed", [-20, 20]),
+        ("acceleration", [-225, 225]),
+        ("jerk", [-4e3, 4e3]),
+    ],
 )
 def test_axes_are_drawn_between_their_limits(planned, quantity, limits):
     lines = axis_motion(planned, quantity).get_lines()
@@ -291,9 +344,11 @@ def test_axes_are_drawn_between_their_limits(planned, quantity, limits):
 
 def test_the_path_is_the_circle(planned):
     ax = path_in_space(planned)
-    (line,) = [artist for artist in ax.collections if hasattr(artist, "get_array") and artist.get_array() is not None][
-        :1
-    ]
+    (line,) = [
+        artist
+        for artist in ax.collections
+        if hasattr(artist, "get_array") and artist.get_array() is not None
+    ][:1]
     points = np.array(line._segments3d).reshape(-1, 3)
     np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 1]), 15, atol=1e-9)
     np.testing.assert_allclose(points[:, 2], 25, atol=1e-9)
@@ -314,7 +369,11 @@ def test_the_active_limit_is_at_its_bound(planned):
     assert {names[n] for n in set(active) if n >= 0} <= {"speed", "acceleration", "jerk"}
     for n in set(active):
         chosen = active == n
-        timed = [planned.certificate.use[limit.name][chosen] for limit in planned.limits if not limit.geometric]
+        timed = [
+            planned.certificate.use[limit.name][chosen]
+            for limit in planned.limits
+            if not limit.geometric
+        ]
         if n < 0:
             assert np.max(timed) < 0.99
         else:
@@ -326,7 +385,9 @@ def test_a_ramp_to_the_largest_speed_is_held_by_acceleration():
     machine, speed, acceleration = load_machine("traverser"), 0.2, 3.0
     bounds = {"max_speed": speed, "max_acceleration": acceleration, "max_pulse_rate": None}
     found = plan(
-        Program([Line([0.02, 0, 0])]), machine.driven_by([replace(axis, **bounds) for axis in machine.axes]), order=2
+        Program([Line([0.02, 0, 0])]),
+        machine.driven_by([replace(axis, **bounds) for axis in machine.axes]),
+        order=2,
     )
     active, lengths = active_limits(found), np.diff(found.trajectory.knots)
     held = {limit.name: lengths[active == n].sum() for n, limit in enumerate(found.limits)}
@@ -384,7 +445,11 @@ def test_a_segment_of_gcode_is_named_with_the_line_of_its_file(tmp_path):
 def test_a_dwell_is_a_segment_of_its_own_in_time():
     """Before, between and after what moves, and again in each repetition."""
     moves = [Dwell(0.25), Line(np.array([0, 0, 5e-3])), Dwell(0.5), Line(np.zeros(3))]
-    planned = plan(Program(tuple(moves), name="rests", frame="home", repeat=2), load_machine("hexapod"), order=2)
+    planned = plan(
+        Program(tuple(moves), name="rests", frame="home", repeat=2),
+        load_machine("hexapod"),
+        order=2,
+    )
     motion, found = planned.trajectory, list_segments(planned)
     assert [name for _, name in found] == [
         "segment 1 (dwell)",
@@ -396,21 +461,35 @@ def test_a_dwell_is_a_segment_of_its_own_in_time():
     for (begin, name), end in zip(found, ends, strict=True):
         resting = "dwell" in name
         assert (np.abs(motion.at(np.linspace(begin, end, 9)[1:-1]).sd).max() == 0) == resting
-    assert [end - begin for (begin, name), end in zip(found, ends, strict=True) if "dwell" in name] == pytest.approx(
-        [0.25, 0.5, 0.25, 0.5]
-    )
+    assert [
+        end - begin for (begin, name), end in zip(found, ends, strict=True) if "dwell" in name
+    ] == pytest.approx([0.25, 0.5, 0.25, 0.5])
 
 
 def test_a_limit_is_shown_as_it_is_where_it_is_used_most(tmp_path):
-    """Of a room the ends of the axis that is there; of the tool's speed the cap of the segment that is there."""
+    """Of a room the ends of the axis that is there; of the tool's speed the cap of the segment that
+    is there.
+    """
     room = {"x": ["-60 mm", "60 mm"], "y": ["-60 mm", "60 mm"], "z": ["-10 mm", "12 mm"]}
     text = Path("kinematics/presets/corexy.toml").read_text()
     machine = tmp_path / "machine.toml"
-    machine.write_text(re.sub(r"(?m)^room = .*", f"room = {str(room).replace(': [', ' = [')}".replace("'", '"'), text))
-    moves = [Line(np.array([0.0, 0, 11e-3]), speed=2e-3), Line(np.array([10e-3, 0, 11e-3]), speed=20e-3)]
+    machine.write_text(
+        re.sub(
+            r"(?m)^room = .*", f"room = {str(room).replace(': [', ' = [')}".replace("'", '"'), text
+        )
+    )
+    moves = [
+        Line(np.array([0.0, 0, 11e-3]), speed=2e-3),
+        Line(np.array([10e-3, 0, 11e-3]), speed=20e-3),
+    ]
     planned = plan(Program(tuple(moves), name="lift"), load_machine(machine), order=2)
     write_report(
-        PlanReport(planned, check(planned.pulses, planned.trajectory), classical=classical(planned), figures={}),
+        PlanReport(
+            planned,
+            check(planned.pulses, planned.trajectory),
+            classical=classical(planned),
+            figures={},
+        ),
         tmp_path / "report.html",
     )
     head, *rows = Page((tmp_path / "report.html").read_text()).tables["certificate"]
@@ -420,8 +499,12 @@ def test_a_limit_is_shown_as_it_is_where_it_is_used_most(tmp_path):
     assert shown["tool speed"]["allowed"] == speeds[shown["tool speed"]["segment"]]
 
 
-def test_without_figures_no_heading_is_empty_and_no_figure_is_told_of(tmp_path, planned, baseline, verdict):
-    write_report(PlanReport(planned, verdict, classical=baseline, figures={}), tmp_path / "report.html")
+def test_without_figures_no_heading_is_empty_and_no_figure_is_told_of(
+    tmp_path, planned, baseline, verdict
+):
+    write_report(
+        PlanReport(planned, verdict, classical=baseline, figures={}), tmp_path / "report.html"
+    )
     text = (tmp_path / "report.html").read_text()
     assert "The figure" not in text
     # between two headings, or a heading and the end of its section, something is said

@@ -26,8 +26,13 @@ def test_the_limits_that_the_machine_leaves_out_are_not_checked():
     axes = [replace(axis, max_force=None) for axis in machine.axes]
     bare = Hexapod(machine.base, machine.platform, axes=axes, home=machine.home)
     assert unchecked(bare) == "collisions, tilt of the joints, forces and torques, jerk"
-    legs = Hexapod(machine.base, machine.platform, axes=axes, home=machine.home, leg_radius=0.01, max_tilt=1.0)
-    assert unchecked(legs) == f"collisions with plates without a disc, {OUTSIDE}, forces and torques, jerk"
+    legs = Hexapod(
+        machine.base, machine.platform, axes=axes, home=machine.home, leg_radius=0.01, max_tilt=1.0
+    )
+    assert (
+        unchecked(legs)
+        == f"collisions with plates without a disc, {OUTSIDE}, forces and torques, jerk"
+    )
 
 
 @pytest.mark.parametrize(
@@ -35,9 +40,13 @@ def test_the_limits_that_the_machine_leaves_out_are_not_checked():
     [(None, None), ((1.0, None), "base"), ((None, 1.0), "platform"), (1.0, "base")],
 )
 def test_an_unlimited_tilt_is_no_limit(max_tilt, use):
-    """Neither of all joints nor of those at one end; the tilt of the others is bounded as before."""
+    """Neither of all joints nor of those at one end; the tilt of the others is bounded as
+    before.
+    """
     hexapod = load_machine("hexapod")
-    machine = Hexapod(hexapod.base, hexapod.platform, axes=hexapod.axes, home=hexapod.home, max_tilt=max_tilt)
+    machine = Hexapod(
+        hexapod.base, hexapod.platform, axes=hexapod.axes, home=hexapod.home, max_tilt=max_tilt
+    )
     largest = check(LIFT, machine).largest
     assert ("tilt" in largest) == (use is not None)
     if use is not None:

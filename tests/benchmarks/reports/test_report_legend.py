@@ -11,7 +11,14 @@ from benchmarks.reports.page import NARROW
 def test_the_legend_of_what_limits_are_worth_is_within_its_figure(axis):
     above, ax = plan_figures._stack_axes(2, 3.2, share=False, width=NARROW)
     above.barh(["tool speed", "acceleration, all axes"], [400, 1])
-    for name in ("tool speed", f"acceleration, {axis}", "jerk, Z", "speed, X", f"acceleration, {axis} ", "others"):
+    for name in (
+        "tool speed",
+        f"acceleration, {axis}",
+        "jerk, Z",
+        "speed, X",
+        f"acceleration, {axis} ",
+        "others",
+    ):
         ax.stairs([2000.0], [0.0, 800.0], label=name)
     ax.set_ylabel("µs saved per mm by one per cent")
     legend = plan_figures._add_legend(ax, 3).get_legend()

@@ -17,7 +17,10 @@ from kinematics.foundation.line_styles import line_style
 @given(st.integers(1, 700), st.integers(8, 60), st.integers(0, 2**32 - 1))
 def test_thinning_keeps_extremes_and_order(count, most, seed):
     rng = np.random.default_rng(seed)
-    t, values = np.sort(rng.random(count)), rng.choice([1.0, 2.0, 3.5, -4.0], count) * rng.integers(1, 9, count)
+    t, values = (
+        np.sort(rng.random(count)),
+        rng.choice([1.0, 2.0, 3.5, -4.0], count) * rng.integers(1, 9, count),
+    )
     kept_t, kept = keep_extremes(t, values, most)
     assert len(kept_t) == len(kept) <= 2 * most + 2
     assert (np.diff(kept_t) >= 0).all()
@@ -25,7 +28,8 @@ def test_thinning_keeps_extremes_and_order(count, most, seed):
     if len(kept) == count:
         np.testing.assert_array_equal(kept, values)
         return
-    # every stretch between two of the new instants holds samples within its two values, which are two of them
+    # every stretch between two of the new instants holds samples within its two values, which are
+    # two of them
     edges = np.searchsorted(t, np.append(kept_t[1:-1:2], t[-1]))
     for k, (first, after) in enumerate(pairwise(edges)):
         stretch, pair = values[first:after], kept[1 + 2 * k : 3 + 2 * k]
@@ -68,7 +72,11 @@ def test_a_page_holds_what_was_drawn():
     third.set(xlabel="distance (mm)")
     page = pack_panels({"motion": read_panels([first, second, third])})
     speed, share = page["figures"]["motion"]
-    assert (speed["label"], speed["levels"], share["levels"]) == ("speed (mm/s)", [(0.5, "#e69f00")], [])
+    assert (speed["label"], speed["levels"], share["levels"]) == (
+        "speed (mm/s)",
+        [(0.5, "#e69f00")],
+        [],
+    )
     assert [one["name"] for one in speed["series"]] == ["leg$1", "_leg2"]
     assert [one["dash"] for one in speed["series"]] == [0, 1]
     assert len(page["times"]) == 2  # that of the two lines, and that of the stairs

@@ -31,7 +31,8 @@ SEGMENTS = {
     "from = 0, to = 1 }\njoin = { blend = 0.05 }\n[[segment]]\nline = { to = [9, 9, 0] }",
     "synchronised": "synchronised = { to = [5, 2, 1] }",
     "fit": "\n[[segment]]\n".join(
-        f"line = {{ to = [{x}, {x * x / 9:.3f}, 0] }}" + "\njoin = { fit = 0.05 }" * (x < 9) for x in (3, 6, 9)
+        f"line = {{ to = [{x}, {x * x / 9:.3f}, 0] }}" + "\njoin = { fit = 0.05 }" * (x < 9)
+        for x in (3, 6, 9)
     ),
 }
 
@@ -105,7 +106,9 @@ def test_a_rig_that_cannot_leave_this_process_is_run_here(tmp_path, monkeypatch)
     rig = load_rig("servo-rig")
     task = rig.task("sine")
     motion = replace(task.motion, duration=0.2)
-    own = type("Own", (), {"duration": 0.2, "knots": motion.knots, "at": lambda self, t: motion.at(t)})()
+    own = type(
+        "Own", (), {"duration": 0.2, "knots": motion.knots, "at": lambda self, t: motion.at(t)}
+    )()
     rig = replace(rig, tasks=(Task("own", own, task.dt),))
     grid = Grid((read_setting("3"), read_setting("6:gain=0.7")), ("own",))
     monkeypatch.setattr(run, "MIN_CLUSTER_BATCHES", 1)

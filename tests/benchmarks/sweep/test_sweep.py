@@ -65,7 +65,9 @@ def alone(monkeypatch):
 
 def test_what_is_kept_is_not_run_twice(tmp_path, rig, grid, alone):
     told, said = [], []
-    first = sweep(grid, rig, tmp_path, progress=lambda done, of: told.append((done, of)), tell=said.append)
+    first = sweep(
+        grid, rig, tmp_path, progress=lambda done, of: told.append((done, of)), tell=said.append
+    )
     assert sorted(map(repr, alone)) == sorted(map(repr, grid))
     assert told[0] == (0, 12)
     assert told[-1] == (12, 12)
@@ -89,7 +91,9 @@ def test_what_is_kept_is_not_run_twice(tmp_path, rig, grid, alone):
         file = tmp_path / CELLS / f"{key}.npz"
         file.write_bytes(damage(file))
     assert sweep(grid, rig, tmp_path).results == first.results
-    assert sorted(map(repr, alone)) == sorted(repr(first.results[key].cell) for key in (lost, *damaged))
+    assert sorted(map(repr, alone)) == sorted(
+        repr(first.results[key].cell) for key in (lost, *damaged)
+    )
 
 
 def shorter(file):
@@ -109,15 +113,21 @@ def flipped(file):
 
 def exchanged(file):
     """Another run's file under this one's name."""
-    return next(other for other in sorted(file.parent.iterdir()) if other != file and other.stat().st_size).read_bytes()
+    return next(
+        other for other in sorted(file.parent.iterdir()) if other != file and other.stat().st_size
+    ).read_bytes()
 
 
 def test_no_flipped_bit_passes_for_a_run(rig):
-    """Every fourth byte of a small run: it is told to be damaged, or what is read is what was written."""
+    """Every fourth byte of a small run: it is told to be damaged, or what is read is what was
+    written.
+    """
     few = np.linspace(0, 1, 4)
     rows = np.column_stack([few, -few])
     series = RunSeries(few, few, rows, rows, few, few, rows, rows, rows)
-    whole = RunResult(next(iter(Grid(SETTINGS[:1], ("dash",)))), {"contour_rms": 1e-6}, series=series)
+    whole = RunResult(
+        next(iter(Grid(SETTINGS[:1], ("dash",)))), {"contour_rms": 1e-6}, series=series
+    )
     packed, refused = whole.pack(), 0
     for place in range(0, len(packed), 4):
         content = bytearray(packed)
@@ -128,7 +138,9 @@ def test_no_flipped_bit_passes_for_a_run(rig):
             refused += 1
             continue
         read = RunSeries.unpack(bytes(content))
-        assert all(np.allclose(getattr(read, name), getattr(series, name)) for name in RunSeries.__slots__)
+        assert all(
+            np.allclose(getattr(read, name), getattr(series, name)) for name in RunSeries.__slots__
+        )
     assert refused > len(packed) / 8
 
 
@@ -138,7 +150,9 @@ def test_a_run_that_was_edited_is_told(tmp_path, rig, alone):
     (key,) = runs.results
     better = replace(runs.results[key], figures=dict.fromkeys(runs.results[key].figures, 0.0))
     Store(tmp_path).keep(key, better)
-    with pytest.raises(MotionError, match=r"is not the run that was recorded; remove it and run the sweep again"):
+    with pytest.raises(
+        MotionError, match=r"is not the run that was recorded; remove it and run the sweep again"
+    ):
         load_runs(tmp_path)
 
 
@@ -147,7 +161,10 @@ def test_a_damaged_record_is_told(tmp_path, rig, alone):
     record = tmp_path / "runs.json"
     text = record.read_text()
     assert load_runs(tmp_path).record == runs.record
-    for damage in (text.replace('"dt_s": 0.025', '"dt_s": 0.035'), text.replace('"cells": [', '"cellt": [')):
+    for damage in (
+        text.replace('"dt_s": 0.025', '"dt_s": 0.035'),
+        text.replace('"cells": [', '"cellt": ['),
+    ):
         assert damage != text
         record.write_text(damage)
         with pytest.raises(MotionError, match=r"runs\.json is damaged; run the sweep again"):
@@ -169,7 +186,9 @@ def test_results_do_not_depend_on_the_batch(rig, grid):
 
 
 @pytest.mark.parametrize("killing", [False, True])
-def test_results_do_not_depend_on_the_number_of_processes(tmp_path, rig, grid, monkeypatch, processes, killing):
+def test_results_do_not_depend_on_the_number_of_processes(
+    tmp_path, rig, grid, monkeypatch, processes, killing
+):
     monkeypatch.setattr(run, "is_installed", lambda: False)
     monkeypatch.setattr(run, "MAX_LANES", 1)
     grid = replace(grid, tasks=("dash",))
@@ -218,7 +237,9 @@ def test_a_result_is_read_as_it_was_written(rig, grid):
     read = RunSeries.unpack(packed)
     np.testing.assert_allclose(read.actual, result.series.actual, rtol=1e-7)  # single precision
     # the figures are of the same course: RMS and maximum to single precision
-    assert result.figures["contour_rms"] == pytest.approx(np.sqrt(np.mean(read.contour**2)), rel=1e-6)
+    assert result.figures["contour_rms"] == pytest.approx(
+        np.sqrt(np.mean(read.contour**2)), rel=1e-6
+    )
     assert result.figures["torque_peak"] == pytest.approx(np.abs(read.torque).max(), rel=1e-6)
 
 
@@ -237,11 +258,15 @@ def test_every_input_changes_the_name(rig, grid):
     assert digest(cells[0], Digests(replace(rig))) == digest(cells[0], digests)
 
 
-@pytest.mark.parametrize("library", ["numpy", "scipy", "casadi", "numba", "osqp", "pin", "pulsepath"])
+@pytest.mark.parametrize(
+    "library", ["numpy", "scipy", "casadi", "numba", "osqp", "pin", "pulsepath"]
+)
 def test_another_version_of_a_library_changes_the_name(rig, grid, monkeypatch, library):
     cell, now = next(iter(grid)), run.version
     name = digest(cell, Digests(rig))
-    monkeypatch.setattr(run, "version", lambda package: "0.0" if package == library else now(package))
+    monkeypatch.setattr(
+        run, "version", lambda package: "0.0" if package == library else now(package)
+    )
     assert digest(cell, Digests(rig)) != name
 
 
@@ -316,7 +341,9 @@ def test_a_killed_worker_loses_nothing(tmp_path, rig, grid, monkeypatch):
                 killed.set()
                 os.kill(first, signal.SIGKILL)
 
-        runs = sweep(grid, rig, tmp_path / "cluster", address=cluster.scheduler_address, progress=kill)
+        runs = sweep(
+            grid, rig, tmp_path / "cluster", address=cluster.scheduler_address, progress=kill
+        )
         assert killed.is_set()
     monkeypatch.setattr(run, "is_installed", lambda: False)
     here = sweep(grid, rig, tmp_path / "here")
@@ -339,7 +366,11 @@ def without_friction(rig):
         (Host(granularity=0.01), False, {"closed-position": 3, "open-velocity-sleep": 15}),
         (Host(jitter=0.001), True, {"closed-position": 5, "open-velocity-sleep": 25}),
         (Host(timer="sleep"), True, {"closed-position": 5, "open-velocity-sleep": 5}),
-        (Host(timer="sleep", jitter=0.001), True, {"closed-position": 25, "open-velocity-sleep": 25}),
+        (
+            Host(timer="sleep", jitter=0.001),
+            True,
+            {"closed-position": 25, "open-velocity-sleep": 25},
+        ),
     ],
 )
 def test_equal_runs_are_made_once(rig, host, friction, expected):

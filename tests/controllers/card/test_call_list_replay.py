@@ -39,17 +39,22 @@ def written(source, tmp_path_factory):
 def replay(source, calls, ranges=None, **options):
     """Return the card of each axis, its count before the first call, and its pulses.
 
-    ranges: pulses/s that the speed registers are set to; None: just above the fastest call of each axis
+    ranges: pulses/s that the speed registers are set to; None: just above the fastest call of each
+    axis
     """
     until = max([source.trajectory.duration, *(call.time + call.tacc for call in calls)]) + SETTLING
     axes = zip(source.machine.axes, source.pulses.axes, strict=True)
     for k, (axis, pulses) in enumerate(axes):
         own = [call for call in calls if call.name == axis.name]
         fastest = SPEED_HEADROOM * max(max(call.start, call.top) for call in own)
-        card = replace(CARDS[own[0].function], speed_range=fastest if ranges is None else ranges[k], **options)
+        card = replace(
+            CARDS[own[0].function], speed_range=fastest if ranges is None else ranges[k], **options
+        )
         moves = []
         for call in own:
-            position, start, top = (np.array([value]) for value in (call.position, call.start, call.top))
+            position, start, top = (
+                np.array([value]) for value in (call.position, call.start, call.top)
+            )
             moves.append((call.time, TAMove(position, start, top, call.tacc, call.tdec)))
         start = pulses.start * axis.direction
         yield card, start, play(card, at_rest([start]), moves, until).train(0)
@@ -67,7 +72,9 @@ def count(card, start, train, t):
 
 
 def test_round_trip_of_the_circle(source, written, replayed):
-    """Within what the file states and half a pulse of rounding; the platform within what that is of a leg."""
+    """Within what the file states and half a pulse of rounding; the platform within what that is of
+    a leg.
+    """
     machine, trajectory = source.machine, source.trajectory
     t = np.linspace(0.0, trajectory.duration, 400)
     worst = 0.0
@@ -78,15 +85,19 @@ def test_round_trip_of_the_circle(source, written, replayed):
             # a pulse is counted from its own tick on: before and after it
             counts = count(*axis, instants + shift / card.clock_hz)
             worst = max(worst, np.abs(counts - wired_counts(source, k, instants)[0]).max())
-    # the count next to a pulse is half a pulse less or more, and a tick late: a thousandth at these speeds
+    # the count next to a pulse is half a pulse less or more, and a tick late: a thousandth at these
+    # speeds
     assert worst <= written[0].error + 0.5 + 2e-3
 
     scale = np.array([axis.direction * axis.pulse for axis in machine.axes])
     counts = np.stack([count(*axis, t) for axis in replayed], -1)
     state = trajectory.at(t)
-    reached = machine.forward(machine.home_q + scale * counts, near=state.pose, certify=False).pose.translation
+    reached = machine.forward(
+        machine.home_q + scale * counts, near=state.pose, certify=False
+    ).pose.translation
     displacement = np.linalg.norm(reached - state.pose.translation, axis=1).max()
-    # ‖dx‖ ≤ ‖J⁺‖ ‖dq‖ with the translation rows of the inverse Jacobian, every leg being off by that at most
+    # ‖dx‖ ≤ ‖J⁺‖ ‖dq‖ with the translation rows of the inverse Jacobian, every leg being off by
+    # that at most
     gain = np.abs(np.linalg.inv(machine.jacobian(state.pose[::4]))[:, :3]).sum(-1)
     assert displacement <= np.linalg.norm(gain, axis=-1).max() * worst * 0.75e-6 * 1.01
     contour = contour_error(reached, state.s, PathCurve(trajectory.path)).error.max()
@@ -96,7 +107,9 @@ def test_round_trip_of_the_circle(source, written, replayed):
 def test_pulses_of_the_replay(source, replayed):
     """Each leg on the clock of its card, with pulses that add up."""
     assert [card.name for card, _, _ in replayed] == ["PCI-8132"] * 2 + ["PCI-8164"] * 4
-    for (card, start, train), pulses, axis in zip(replayed, source.pulses.axes, source.machine.axes, strict=True):
+    for (card, start, train), pulses, axis in zip(
+        replayed, source.pulses.axes, source.machine.axes, strict=True
+    ):
         assert card.clock_hz in (PCI_8132.clock_hz, PCI_8164.clock_hz)
         assert train.ticks.dtype == np.int64
         assert np.diff(train.ticks).min() > 0
@@ -106,7 +119,9 @@ def test_pulses_of_the_replay(source, replayed):
 
 
 def test_options_that_make_no_difference(source, written, replayed):
-    """A card that queues, and the speed ranges that the call list chose: every move is over in time."""
+    """A card that queues, and the speed ranges that the call list chose: every move is over in
+    time.
+    """
     ranges = call_list(source, SPACING, None).ranges
     one = replayed[0][2]
     for other in (

@@ -24,9 +24,11 @@ def started(target, v0, v1, tacc, tdec, *, at=0, card=PCI_8132):
 
 
 def integrated(distance, v0, v1, tacc, tdec, steps=20_001):
-    """Distance over time by integrating the speed as the command's semantics say it, in small steps: (t, s).
+    """Distance over time by integrating the speed as the command's semantics say it, in small
+    steps: (t, s).
 
-    The speed follows the ramp from the start until the braking ramp, seen backwards from the target, is met.
+    The speed follows the ramp from the start until the braking ramp, seen backwards from the
+    target, is met.
     """
     s = np.linspace(0.0, distance, steps)
 
@@ -67,9 +69,18 @@ def test_any_move_is_the_integral_of_its_speed(target, v0, v1, tacc, tdec):
     assert np.abs(move.edges(0).t - np.interp(halves, s, t)).max() <= tolerance
 
 
-@given(target=st.integers(-3000, 3000), at=st.integers(-50, 50), v0=speeds, v1=speeds, tacc=times, tdec=times)
+@given(
+    target=st.integers(-3000, 3000),
+    at=st.integers(-50, 50),
+    v0=speeds,
+    v1=speeds,
+    tacc=times,
+    tdec=times,
+)
 def test_pulses_are_the_crossings_of_half_counts(target, at, v0, v1, tacc, tdec):
-    """Every pulse fires where the command position is half way between two counts, to half a tick; all of them do."""
+    """Every pulse fires where the command position is half way between two counts, to half a tick;
+    all of them do.
+    """
     state, move = started(target, v0, v1, tacc, tdec, at=at)
     times_of = move.edges(0).t
     ticks = round_to_ticks(PCI_8132, times_of)
@@ -79,12 +90,16 @@ def test_pulses_are_the_crossings_of_half_counts(target, at, v0, v1, tacc, tdec)
         assert np.all(np.diff([0.0, *times_of, move.end[0]]) > 0)
     halves = at + direction * (np.arange(len(ticks)) + 0.5)
     np.testing.assert_allclose(state.position(times_of)[:, 0], halves, atol=EXACT)
-    assert np.all(np.abs(ticks / PCI_8132.clock_hz - times_of) <= 0.5 / PCI_8132.clock_hz * (1 + 1e-6))
+    assert np.all(
+        np.abs(ticks / PCI_8132.clock_hz - times_of) <= 0.5 / PCI_8132.clock_hz * (1 + 1e-6)
+    )
     assert state.counter([move.end[0]])[0, 0] == target
     assert state.pulses(move.end[0])[0] == abs(target - at)
     # counted from the pulses, or read from the counter: the same at instants between pulses
     t = (times_of[1:] + times_of[:-1]) / 2
-    np.testing.assert_array_equal(state.counter(t)[:, 0], at + direction * np.arange(1, len(ticks))[: len(t)])
+    np.testing.assert_array_equal(
+        state.counter(t)[:, 0], at + direction * np.arange(1, len(ticks))[: len(t)]
+    )
 
 
 @given(target=st.integers(-3000, 3000), v0=speeds, v1=speeds, tacc=times, tdec=times)
@@ -95,7 +110,9 @@ def test_counter_stays_within_half_a_pulse(target, v0, v1, tacc, tdec):
 
 
 def test_short_move_keeps_the_rate_and_lowers_the_top_speed():
-    """From near rest at 8000 pulses/s² up and 16000 down, the top is √(2 D/(1/r₁ + 1/r₂)), not the 4000 asked for."""
+    """From near rest at 8000 pulses/s² up and 16000 down, the top is √(2 D/(1/r₁ + 1/r₂)), not the
+    4000 asked for.
+    """
     _, move = started(1000, 0.0, 4000.0, 0.5, 0.25)
     v0 = PCI_8132.least_speed
     r1, r2 = (4000 - v0) / 0.5, (4000 - v0) / 0.25
@@ -163,7 +180,9 @@ def test_replacing_goes_on_from_the_command_position(first, second, v, share, ta
 
 
 def test_replacing_keeps_the_share_of_a_pulse():
-    """A motion cut into replaced moves of a fraction of a pulse each loses none: 1000 times 0.37 pulses are 370."""
+    """A motion cut into replaced moves of a fraction of a pulse each loses none: 1000 times 0.37
+    pulses are 370.
+    """
     state, dt = at_rest([0]), 1e-3
     for k in range(1000):
         state = send(PCI_8132, state, TAMove([1_000_000], [370.0], [370.0], dt, 0.0), k * dt)
@@ -173,10 +192,21 @@ def test_replacing_keeps_the_share_of_a_pulse():
 
 def test_queue_waits_for_each_channel():
     card = replace(PCI_8132, while_moving="queue")
-    state = send(card, at_rest([0, 0]), TAMove([100, 1000], [1000.0] * 2, [1000.0] * 2, 0.0, 0.0), 0.0)
+    state = send(
+        card, at_rest([0, 0]), TAMove([100, 1000], [1000.0] * 2, [1000.0] * 2, 0.0, 0.0), 0.0
+    )
     state = send(card, state, TAMove([0, 2000], [1000.0] * 2, [1000.0] * 2, 0.0, 0.0), 0.05)
     t = [0.05, 0.1, 0.15, 0.2, 1.0, 1.5, 2.0, 3.0]
-    expected = [[50, 50], [100, 100], [50, 150], [0, 200], [0, 1000], [0, 1500], [0, 2000], [0, 2000]]
+    expected = [
+        [50, 50],
+        [100, 100],
+        [50, 150],
+        [0, 200],
+        [0, 1000],
+        [0, 1500],
+        [0, 2000],
+        [0, 2000],
+    ]
     np.testing.assert_allclose(state.position(t), expected, atol=EXACT)
     np.testing.assert_array_equal(state.pulses(3.0), [200, 2000])
     # a third one, sent when the first is over: nothing fired is forgotten
@@ -195,10 +225,26 @@ def test_whole_range_of_the_counter(target):
 @pytest.mark.parametrize(
     ("card", "move", "reason"),
     [
-        (PCI_8132, TAMove([0, COUNTER[1] + 1], [0, 0], [1, 1], 0.1, 0.1), "channel 2.*134217728.*28-bit"),
-        (PCI_8132, TAMove([COUNTER[0] - 1, 0], [0, 0], [1, 1], 0.1, 0.1), "channel 1.*-134217729.*28-bit"),
-        (PCI_8132, TAMove([0, 0], [0, 0], [1, 2.5e6], 0.1, 0.1), "channel 2.*max speed 2500000.*2400000"),
-        (PCI_8164, TAMove([0, 0], [-6.6e6, 0], [1, 1], 0.1, 0.1), "channel 1.*start speed -6600000.*6550000"),
+        (
+            PCI_8132,
+            TAMove([0, COUNTER[1] + 1], [0, 0], [1, 1], 0.1, 0.1),
+            "channel 2.*134217728.*28-bit",
+        ),
+        (
+            PCI_8132,
+            TAMove([COUNTER[0] - 1, 0], [0, 0], [1, 1], 0.1, 0.1),
+            "channel 1.*-134217729.*28-bit",
+        ),
+        (
+            PCI_8132,
+            TAMove([0, 0], [0, 0], [1, 2.5e6], 0.1, 0.1),
+            "channel 2.*max speed 2500000.*2400000",
+        ),
+        (
+            PCI_8164,
+            TAMove([0, 0], [-6.6e6, 0], [1, 1], 0.1, 0.1),
+            "channel 1.*start speed -6600000.*6550000",
+        ),
         (PCI_8132, TAMove([np.nan, 0], [0, 0], [1, 1], 0.1, 0.1), "nan"),
         (PCI_8132, TAMove([0, 0], [0, 0], [1, 1], -0.1, 0.1), "acceleration time -0.1"),
         (PCI_8132, TAMove([0, 0], [0, 0], [1, 1], 0.1, np.inf), "deceleration time inf"),

@@ -1,7 +1,9 @@
-"""The card's closed forms against a pulse generator in integers: every pulse within one tick of the clock.
+"""The card's closed forms against a pulse generator in integers: every pulse within one tick of the
+clock.
 
-The generator knows nothing of positions over time: once a tick it adds three integers to one another, as a card's
-accumulators do, and fires where the sum passes half a pulse more than it has fired.
+The generator knows nothing of positions over time: once a tick it adds three integers to one
+another, as a card's accumulators do, and fires where the sum passes half a pulse more than it has
+fired.
 """
 
 from dataclasses import dataclass
@@ -41,7 +43,9 @@ class Generator:
     tick: int = 0
 
     def run(self, ticks, v, a=0, j=0):
-        """Speed v pulses/s, rate a pulses/s² and jerk j pulses/s³ at the start; yields (tick, count) of each pulse."""
+        """Speed v pulses/s, rate a pulses/s² and jerk j pulses/s³ at the start; yields (tick,
+        count) of each pulse.
+        """
         f, unit = CLOCK, 6 * CLOCK**3
         # P(n) = 6 f² v n + 3 f a n² + j n³
         first, second, third = 6 * f * f * v + 3 * f * a + j, 6 * f * a + 6 * j, 6 * j
@@ -61,7 +65,9 @@ class Generator:
 
 
 def held(train, pulses, late=0):
-    """Every pulse of the card beside the generator's, which fires at the tick that ends the one of the crossing."""
+    """Every pulse of the card beside the generator's, which fires at the tick that ends the one of
+    the crossing.
+    """
     assert train.count.tolist() == [count for _, count in pulses]
     ticks = np.array([tick for tick, _ in pulses], int) + late
     assert np.all(np.abs(train.ticks - ticks) <= 1)
@@ -73,7 +79,15 @@ steps = st.integers(1, 20)
 small = settings(max_examples=40)
 
 
-@given(i=steps, k=steps, up=counts, hold=counts, down=counts, sign=st.sampled_from([1, -1]), at=st.integers(-9, 9))
+@given(
+    i=steps,
+    k=steps,
+    up=counts,
+    hold=counts,
+    down=counts,
+    sign=st.sampled_from([1, -1]),
+    at=st.integers(-9, 9),
+)
 @small
 def test_trapezoidal_moves(i, k, up, hold, down, sign, at):
     """Absolute and relative; ramps upwards and downwards."""
@@ -104,7 +118,9 @@ def test_s_curve_moves(i, k, up, hold, down, sign):
     for ticks, u, w in ((up, v0, v1), (hold, v1, v1), (down, v1, v0)):
         rate, half = 2 * (w - u) * CLOCK // ticks, ticks // 2
         pulses += generator.run(half, sign * u, 0, sign * rate * CLOCK // half)
-        pulses += generator.run(half, sign * middle if u != w else sign * u, sign * rate, -sign * rate * CLOCK // half)
+        pulses += generator.run(
+            half, sign * middle if u != w else sign * u, sign * rate, -sign * rate * CLOCK // half
+        )
     distance = generator.sum // (6 * CLOCK**3)
     assert distance * 6 * CLOCK**3 == generator.sum
     ramps = [v0], [v1], up / CLOCK, down / CLOCK
@@ -138,7 +154,10 @@ def test_velocity_moves_changes_and_stops(speeds, ticks, stop):
     for u, w in pairwise(v):
         pulses += generator.run(ticks, u, (w - u) * CLOCK // ticks)
     pulses += generator.run(stop, v[-1], -v[-1] * CLOCK // stop)
-    sent = [(0.0, TVMove([v[0]], [v[1]], dt)), *((k * dt, VChange([w], dt)) for k, w in enumerate(v[2:], 1))]
+    sent = [
+        (0.0, TVMove([v[0]], [v[1]], dt)),
+        *((k * dt, VChange([w], dt)) for k, w in enumerate(v[2:], 1)),
+    ]
     sent.append(((len(v) - 1) * dt, DStop(stop / CLOCK)))
     record = play(CARD, at_rest([0]), sent, 100.0)
     train = record.train(0)
@@ -162,11 +181,15 @@ def test_emergency_stop_fires_no_further_pulse(i, ticks, cut):
     # one that is due at the very tick of the stop may go either way
     assert abs(len(train.ticks) - len(pulses)) <= 1
     held_ = min(len(train.ticks), len(pulses))
-    assert np.all(np.abs(train.ticks[:held_] - np.array([tick for tick, _ in pulses[:held_]], int)) <= 1)
+    assert np.all(
+        np.abs(train.ticks[:held_] - np.array([tick for tick, _ in pulses[:held_]], int)) <= 1
+    )
 
 
 @given(
-    gap=st.sampled_from([(300, -400), (-900, 0), (600, 0, 800), (20, -40, -40), (200, 400, 400, 800)]),
+    gap=st.sampled_from(
+        [(300, -400), (-900, 0), (600, 0, 800), (20, -40, -40), (200, 400, 400, 800)]
+    ),
     i=st.integers(1, 3),
 )
 @settings(max_examples=10)
@@ -177,4 +200,7 @@ def test_linear_interpolation_is_a_move_of_each_channel(gap, i):
     move = LinearMove(tuple(range(len(gap))), gap, v, v, 0.0, 0.0)
     record = play(CARD, at_rest(np.zeros(len(gap))), [(0.0, move)], 99.0)
     for k, of in enumerate(gap):
-        held(record.train(k), Generator().run(round(length / v * CLOCK) + 1, v * of // length)[: abs(of)])
+        held(
+            record.train(k),
+            Generator().run(round(length / v * CLOCK) + 1, v * of // length)[: abs(of)],
+        )

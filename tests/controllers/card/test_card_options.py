@@ -44,8 +44,12 @@ def to(*targets, v=1000.0):
 )
 @some
 def test_home_return(switch, sign, index, v, tacc):
-    """Zero comes to the last index before the switch, wherever the channel begins; the pulses add up to it."""
-    home = HomeReturn([switch], [sign], [200.0], [v], [150.0], tacc, index=[index], index_spacing=200)
+    """Zero comes to the last index before the switch, wherever the channel begins; the pulses add
+    up to it.
+    """
+    home = HomeReturn(
+        [switch], [sign], [200.0], [v], [150.0], tacc, index=[index], index_spacing=200
+    )
     record = play(PCI_8164, at_rest([0]), [(0.0, home), (100.0, to(25))], 101.0)
     grid = index + 200 * np.arange(-30, 30)
     before = grid[(switch - grid) * sign >= 0]
@@ -65,7 +69,9 @@ def test_home_return(switch, sign, index, v, tacc):
 
 
 def test_home_return_without_index_and_from_the_switch():
-    """From 300 beyond the edge straight back to it; a second return finds the same place from the new zero."""
+    """From 300 beyond the edge straight back to it; a second return finds the same place from the
+    new zero.
+    """
     home = HomeReturn([-500], [-1], [1000.0], [2000.0], [1000.0], 0.1)
     record = play(PCI_8164, at_rest([-800]), [(0.0, home), (9.0, to(700)), (19.0, home)], 99.0)
     np.testing.assert_allclose(record.position([0.1, 8.0, 18.0])[:, 0], [-700, 0, 700], atol=EXACT)
@@ -77,16 +83,25 @@ def test_home_return_refuses():
     with pytest.raises(Refused, match="index needs a spacing"):
         send(PCI_8164, at_rest([0]), HomeReturn([1], [1], [1.0], [1.0], [1.0], 0.1, index=[3]), 0.0)
     with pytest.raises(Refused, match="channel 2: home return: direction"):
-        send(PCI_8164, at_rest([0, 0]), HomeReturn([1, 1], [1, 0], [1.0] * 2, [1.0] * 2, [1.0] * 2, 0.1), 0.0)
+        send(
+            PCI_8164,
+            at_rest([0, 0]),
+            HomeReturn([1, 1], [1, 0], [1.0] * 2, [1.0] * 2, [1.0] * 2, 0.1),
+            0.0,
+        )
 
 
 PLAY = replace(PCI_8164, backlash=(20, 0), backlash_speed=500.0)
 
 
 def test_backlash_is_taken_up_when_a_channel_turns_and_not_counted():
-    """Up, up, down, down, up: compensated before the third and the fifth, each delayed by 20/500 s."""
+    """Up, up, down, down, up: compensated before the third and the fifth, each delayed by 20/500
+    s.
+    """
     targets = (100, 200, 100, 50, 100)
-    record = play(PLAY, at_rest([0, 0]), [(k, to(goal, goal)) for k, goal in enumerate(targets)], 9.0)
+    record = play(
+        PLAY, at_rest([0, 0]), [(k, to(goal, goal)) for k, goal in enumerate(targets)], 9.0
+    )
     train = record.train(0)
     np.testing.assert_array_equal(record.states[-1].counter([9.0]), [[100, 100]])
     extra = train.ticks[~train.counted] / PLAY.clock_hz
@@ -98,7 +113,9 @@ def test_backlash_is_taken_up_when_a_channel_turns_and_not_counted():
     # the load behind the play follows the counter: it loses nothing to it
     held, load = np.cumsum(train.direction), 0
     for motor in held:
-        load = min(max(load, motor), motor + 20)  # the motor pushes upwards at once, downwards 20 later
+        load = min(
+            max(load, motor), motor + 20
+        )  # the motor pushes upwards at once, downwards 20 later
     assert load == 100
     np.testing.assert_allclose(record.position([2.03, 2.09])[:, 0], [200.0, 150.0], atol=EXACT)
 
@@ -120,7 +137,9 @@ def test_backlash_of_a_change_through_zero_and_of_a_replaced_compensation():
 def test_backlash_of_an_interpolation_delays_all_its_channels():
     line = LinearMove((0, 1), [-300, -400], 1000.0, 1000.0, 0.0, 0.0)
     record = play(PLAY, at_rest([0, 0]), [(0.0, line)], 3.0)
-    np.testing.assert_allclose(record.position([0.04, 0.14, 2.0]), [[0, 0], [-60, -80], [-300, -400]], atol=EXACT)
+    np.testing.assert_allclose(
+        record.position([0.04, 0.14, 2.0]), [[0, 0], [-60, -80], [-300, -400]], atol=EXACT
+    )
 
 
 LIMITED = replace(PCI_8164, soft_limits=((-100, 100), (-1000, 1000)))
@@ -148,17 +167,25 @@ def test_soft_limits_refuse(move, channel):
 
 def test_soft_limits_stop_dead():
     state = send(STOPPING, at_rest([0, 0]), to(300, 300), 0.0)
-    np.testing.assert_allclose(state.position([0.05, 0.2, 9.0]), [[50, 50], [100, 200], [100, 300]], atol=EXACT)
+    np.testing.assert_allclose(
+        state.position([0.05, 0.2, 9.0]), [[50, 50], [100, 200], [100, 300]], atol=EXACT
+    )
     np.testing.assert_array_equal(state.pulses(9.0), [100, 300])
     # an interpolation stops as one, on its path
-    state = send(STOPPING, at_rest([0, 0]), LinearMove((0, 1), [300, 150], 1000.0, 1000.0, 0.1, 0.1), 0.0)
+    state = send(
+        STOPPING, at_rest([0, 0]), LinearMove((0, 1), [300, 150], 1000.0, 1000.0, 0.1, 0.1), 0.0
+    )
     np.testing.assert_allclose(state.position([9.0]), [[100, 50]], atol=EXACT)
     # the channel may come back, and go out to the limit again
     state = send(STOPPING, state, to(-500, 50), 10.0)
     np.testing.assert_allclose(state.position([10.1, 19.0]), [[0, 50], [-100, 50]], atol=EXACT)
     # arcs, in the middle of a quarter
-    state = send(STOPPING, at_rest([0, 0]), ArcMove((0, 1), [0, 200], [0, 400], 500.0, 500.0, 0.0, 0.0), 0.0)
-    np.testing.assert_allclose(state.position([9.0]), [[100, 200 - np.sqrt(200**2 - 100**2)]], atol=EXACT)
+    state = send(
+        STOPPING, at_rest([0, 0]), ArcMove((0, 1), [0, 200], [0, 400], 500.0, 500.0, 0.0, 0.0), 0.0
+    )
+    np.testing.assert_allclose(
+        state.position([9.0]), [[100, 200 - np.sqrt(200**2 - 100**2)]], atol=EXACT
+    )
 
 
 @pytest.mark.parametrize("card", [LIMITED, STOPPING])
@@ -168,10 +195,14 @@ def test_velocity_moves_stop_at_soft_limits(card):
 
 
 def test_counters_beyond_28_bits():
-    """A velocity move leaves the range after 28 pulses: reading it is refused, or wraps round, which loses no count."""
+    """A velocity move leaves the range after 28 pulses: reading it is refused, or wraps round,
+    which loses no count.
+    """
     state = send(PCI_8164, at_rest([COUNTER[1] - 28]), TVMove([1000.0], [1000.0], 0.0), 0.0)
     assert read_counters(PCI_8164, state, [0.02])[0, 0] == COUNTER[1] - 8
-    with pytest.raises(Refused, match=r"channel 1: position 134217800 is outside -134217728 … 134217727.*28-bit"):
+    with pytest.raises(
+        Refused, match=r"channel 1: position 134217800 is outside -134217728 … 134217727.*28-bit"
+    ):
         read_counters(PCI_8164, state, [0.0, 0.101])
     wrapping = replace(PCI_8164, beyond_counter="wrap")
     assert read_counters(wrapping, state, [0.101])[0, 0] == 134217800 - 2**28
@@ -206,7 +237,9 @@ def test_options_for_other_channels(options):
     "again", [TAMove([5000], [200.0], [2000.0], 0.1, 0.1), TRMove([4000], [200], [2000], 0.1, 0.1)]
 )
 def test_a_command_begins_at_the_speed_of_the_instant_where_the_card_says_so(again):
-    """At 1000 pulses/s, for 4000 pulses more at 2000: 0.1 s up, 0.1 s down to 200, the rest at 2000."""
+    """At 1000 pulses/s, for 4000 pulses more at 2000: 0.1 s up, 0.1 s down to 200, the rest at
+    2000.
+    """
     first = TAMove([9000], [1000.0], [1000.0], 0.0, 0.0)
     for start_from, begins, ramp in (("commanded", 200.0, 110.0), ("current", 1000.0, 150.0)):
         card = replace(PCI_8164, start_from=start_from)

@@ -1,4 +1,6 @@
-"""The two lines of a channel, decoded by another hand: the pulses on them are those that were fired."""
+"""The two lines of a channel, decoded by another hand: the pulses on them are those that were
+fired.
+"""
 
 from dataclasses import replace
 
@@ -22,7 +24,9 @@ def fired():
 
 
 def decoded(mode, found):
-    """(ticks, signs) as a drive of that wiring reads them: edge by edge, one line after the other."""
+    """(ticks, signs) as a drive of that wiring reads them: edge by edge, one line after the
+    other.
+    """
     kind, _, *rest = mode.split("_")
     pulses = []
     for n, tick in enumerate(found.ticks):
@@ -62,17 +66,27 @@ def test_direction_is_there_its_set_up_before_a_pulse_and_widths_are_kept():
 
 def test_a_channel_that_stands_keeps_its_levels():
     still = play(CARD, at_rest([0]), [], 1.0).train(0)
-    for mode, level in (("OUT_RISING_DIR_LOW", [0, 0]), ("OUT_FALLING_DIR_HIGH", [1, 1]), ("CW_CCW_FALLING", [1, 1])):
-        np.testing.assert_array_equal(wires(replace(CARD, output_mode=mode), still, 1).levels, [level])
+    for mode, level in (
+        ("OUT_RISING_DIR_LOW", [0, 0]),
+        ("OUT_FALLING_DIR_HIGH", [1, 1]),
+        ("CW_CCW_FALLING", [1, 1]),
+    ):
+        np.testing.assert_array_equal(
+            wires(replace(CARD, output_mode=mode), still, 1).levels, [level]
+        )
 
 
 def test_pulses_too_fast_for_their_width_are_refused_with_the_place():
-    with pytest.raises(Refused, match=r"pulses \d+ and \d+ are \d+ ticks apart; width 16000 need 16001"):
+    with pytest.raises(
+        Refused, match=r"pulses \d+ and \d+ are \d+ ticks apart; width 16000 need 16001"
+    ):
         wires(CARD, fired(), 16_000)
     turn = r"pulses 40 and 41 are \d+ ticks apart; width 40 and direction set-up 4000000 need"
     with pytest.raises(Refused, match=turn):
         wires(CARD, fired(), 40, 4_000_000)
-    wires(replace(CARD, output_mode="CW_CCW_RISING"), fired(), 40, 4_000_000)  # has no DIR to set up
+    wires(
+        replace(CARD, output_mode="CW_CCW_RISING"), fired(), 40, 4_000_000
+    )  # has no DIR to set up
     with pytest.raises(Refused, match="pulse width of 0 ticks"):
         wires(CARD, fired(), 0)
 

@@ -58,7 +58,13 @@ commands = st.one_of(
     st.builds(DwellMove, ramp),
     st.builds(LinearMove, st.just((0, 2)), st.tuples(place, place), speed, speed, ramp, ramp),
     st.builds(
-        HomeReturn, three(place), three(st.sampled_from([1, -1])), three(speed), three(speed), three(speed), ramp
+        HomeReturn,
+        three(place),
+        three(st.sampled_from([1, -1])),
+        three(speed),
+        three(speed),
+        three(speed),
+        ramp,
     ),
 )
 programs = st.lists(st.tuples(st.floats(0.001, 0.2), commands), min_size=1, max_size=6)
@@ -70,7 +76,11 @@ cards = st.sampled_from(
         replace(PCI_8164, start_from="current", short_moves="keep time", **STOP),
         replace(PCI_8164, speed_range=1e4, **STOP),
         replace(
-            PCI_8164, while_moving="queue", backlash=(0, 5, 5), soft_limits=((-900, 700),) * 3, at_soft_limit="stop"
+            PCI_8164,
+            while_moving="queue",
+            backlash=(0, 5, 5),
+            soft_limits=((-900, 700),) * 3,
+            at_soft_limit="stop",
         ),
     ]
 )
@@ -87,7 +97,9 @@ def timed(program):
 @given(card=cards, program=programs)
 @settings(max_examples=60, phases=FOUND)
 def test_pulses_add_up(card, program):
-    """At the end and in between: the counted pulses are what the counter changed by, all of them what was fired."""
+    """At the end and in between: the counted pulses are what the counter changed by, all of them
+    what was fired.
+    """
     sent = timed(program)
     for cut in range(len(sent), 0, -1):
         try:
@@ -112,7 +124,9 @@ def test_pulses_add_up(card, program):
 
 
 def test_a_row_stands_where_it_was_stopped_until_a_move_that_waits_for_backlash():
-    """One row has moves behind one another, the other was stopped: its channels stay there, not where they were to."""
+    """One row has moves behind one another, the other was stopped: its channels stay there, not
+    where they were to.
+    """
     card = replace(PCI_8164, while_moving="queue", backlash=(0, 50, 50))
     move, back = (TAMove((way,) * N, (1000.0,) * N, (1000.0,) * N, 0.0, 0.0) for way in (100, 0))
     both, single = at_rest(np.zeros((2, N))), at_rest([0] * N)
@@ -129,9 +143,16 @@ def test_a_row_stands_where_it_was_stopped_until_a_move_that_waits_for_backlash(
 @given(card=cards, programs=st.tuples(programs, programs))
 @settings(max_examples=40, phases=FOUND)
 def test_runs_of_a_batch_are_runs_of_their_own(card, programs):
-    """Two programs in the two rows of a batch, each command sent to its row alone: as if each had a card to itself."""
+    """Two programs in the two rows of a batch, each command sent to its row alone: as if each had a
+    card to itself.
+    """
     sent = sorted(
-        [(t, row, command) for row, program in enumerate(programs) for t, command in timed(program)], key=lambda s: s[0]
+        [
+            (t, row, command)
+            for row, program in enumerate(programs)
+            for t, command in timed(program)
+        ],
+        key=lambda s: s[0],
     )
     both, single = at_rest(np.zeros((2, N))), [at_rest([0] * N), at_rest([0] * N)]
     now = 0.0

@@ -1,4 +1,6 @@
-"""The numbered modes of home return: where zero comes to be, how far beyond a channel goes, how fast it is there."""
+"""The numbered modes of home return: where zero comes to be, how far beyond a channel goes, how
+fast it is there.
+"""
 
 from dataclasses import replace
 
@@ -28,8 +30,8 @@ def mode_of(mode, origin, limit, sign, index, count=1):
 def walked(mode, origin, limit, index, count):
     """(zero, furthest place, whether it goes back) of a walk pulse by pulse from 0 in direction +1.
 
-    Sensors are looked at after every pulse, as by a person who reads counts off; a ramp down takes RAMP pulses. It
-    knows nothing of `MODES`.
+    Sensors are looked at after every pulse, as by a person who reads counts off; a ramp down takes
+    RAMP pulses. It knows nothing of `MODES`.
     """
     is_index = lambda p: (p - index) % SPACING == 0  # noqa: E731
     p = 0
@@ -79,7 +81,9 @@ def walked(mode, origin, limit, index, count):
     count=st.integers(1, 3),
 )
 @settings(max_examples=80, deadline=None)
-def test_zero_and_the_furthest_place_are_those_of_a_walk_pulse_by_pulse(mode, origin, sign, index, count):
+def test_zero_and_the_furthest_place_are_those_of_a_walk_pulse_by_pulse(
+    mode, origin, sign, index, count
+):
     limit = origin + 3000
     command = mode_of(mode, sign * origin, sign * limit, sign, sign * index, count)
     record = play(CARD, at_rest([0]), [(0.0, command)], 60.0)
@@ -105,12 +109,15 @@ def test_zero_and_the_furthest_place_are_those_of_a_walk_pulse_by_pulse(mode, or
 
 def edge_case(far, index):
     """Whether the place of the turn is beside an index, or half a pulse from the next."""
-    return abs(far % 1 - 0.5) < 1e-3 or abs((far - index + SPACING / 2) % SPACING - SPACING / 2) < 1.5
+    return (
+        abs(far % 1 - 0.5) < 1e-3 or abs((far - index + SPACING / 2) % SPACING - SPACING / 2) < 1.5
+    )
 
 
 @pytest.mark.parametrize("mode", [1, 2, 4, 6, 7])
 def test_modes_that_stop_dead_are_slow_there(mode):
-    """The last pulses before zero come at the creep speed, or mode 2's start speed: nothing is thrown at the edge.
+    """The last pulses before zero come at the creep speed, or mode 2's start speed: nothing is
+    thrown at the edge.
 
     Of mode 2 where the index lies beyond the ramp down, here the second one.
     """
@@ -123,7 +130,10 @@ def test_modes_that_stop_dead_are_slow_there(mode):
 @pytest.mark.parametrize("mode", range(13))
 def test_each_mode_is_as_good_from_its_switch_and_a_move_behind_it_counts_from_zero(mode):
     begins = 5000 if MODES[mode].sensor == "limit" else 2100
-    sent = [(0.0, mode_of(mode, 2000, 5000, 1, 37)), (60.0, TAMove([25], [START], [START], 0.0, 0.0))]
+    sent = [
+        (0.0, mode_of(mode, 2000, 5000, 1, 37)),
+        (60.0, TAMove([25], [START], [START], 0.0, 0.0)),
+    ]
     record = play(CARD, at_rest([begins]), sent, 90.0)
     zero = record.states[-1].current_move(90.0).zero[0]
     assert begins + record.train(0).direction.sum() == zero + 25

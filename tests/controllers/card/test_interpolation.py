@@ -1,4 +1,6 @@
-"""Interpolation: the path is a line or a circle, the way along it a ramped move, the pulses within half of both."""
+"""Interpolation: the path is a line or a circle, the way along it a ramped move, the pulses within
+half of both.
+"""
 
 from dataclasses import replace
 
@@ -16,7 +18,9 @@ speeds, ramps = st.floats(100.0, 5000.0), st.floats(0.01, 0.3)
 
 
 def way(t, distance, v0, v1, tacc, tdec):
-    """The textbook's trapezoid: distance after t, by the peak that fits, and backwards from the end."""
+    """The textbook's trapezoid: distance after t, by the peak that fits, and backwards from the
+    end.
+    """
     up, down = (v1 - v0) / tacc, (v1 - v0) / tdec
     # the peak from energy: (vp² − v0²)/(2 up) + (vp² − v0²)/(2 down) = distance
     top = min(v1, np.sqrt(v0**2 + 2 * distance / (1 / up + 1 / down)))
@@ -26,7 +30,9 @@ def way(t, distance, v0, v1, tacc, tdec):
     back = np.maximum(end - t, 0.0)
     falling = distance - v0 * back - down * back**2 / 2
     return np.where(
-        t < t1, v0 * t + up * t**2 / 2, np.where(t < t1 + t2, (v0 + top) / 2 * t1 + top * (t - t1), falling)
+        t < t1,
+        v0 * t + up * t**2 / 2,
+        np.where(t < t1 + t2, (v0 + top) / 2 * t1 + top * (t - t1), falling),
     ), end
 
 
@@ -38,7 +44,9 @@ def way(t, distance, v0, v1, tacc, tdec):
 )
 @some
 def test_line(gap, v, tacc, tdec):
-    """Each channel is at its share of the way: in position exactly, in pulses to half of one, long or short."""
+    """Each channel is at its share of the way: in position exactly, in pulses to half of one, long
+    or short.
+    """
     v0, v1 = sorted(v)
     axes, here = tuple(range(len(gap))), np.arange(5, 5 + len(gap))
     move = LinearMove(axes, gap, v0, v1, tacc, tdec, relative=True)
@@ -57,7 +65,8 @@ def test_line(gap, v, tacc, tdec):
         at = way(train.ticks / PCI_8164.clock_hz, length, v0, v1, tacc, tdec)[0] * gap[k] / length
         # a tick is as far as the fastest goes within half of one
         assert (
-            np.abs(at - (train.count - here[k] - train.direction / 2)).max(initial=0) <= v1 / PCI_8164.clock_hz + EXACT
+            np.abs(at - (train.count - here[k] - train.direction / 2)).max(initial=0)
+            <= v1 / PCI_8164.clock_hz + EXACT
         )
 
 
@@ -72,7 +81,9 @@ def test_line(gap, v, tacc, tdec):
 )
 @some
 def test_circle(radius, at, turn, angle, v, tacc, tdec):
-    """Round by any angle, on channels 2 and 1 of a card of two; the ideal is where the arc and the trapezoid say."""
+    """Round by any angle, on channels 2 and 1 of a card of two; the ideal is where the arc and the
+    trapezoid say.
+    """
     v0, v1 = sorted(v)
     centre = np.array([100, -50])
     start = np.rint(centre + radius * np.array([np.cos(at), np.sin(at)]))
@@ -81,7 +92,10 @@ def test_circle(radius, at, turn, angle, v, tacc, tdec):
     last = first + turn * angle
     end = np.rint(centre + radius * np.array([np.cos(last), np.sin(last)]))
     record = play(
-        PCI_8132, at_rest(start[::-1]), [(0.0, ArcMove((1, 0), centre, end, v0, v1, tacc, tdec, turn))], 100.0
+        PCI_8132,
+        at_rest(start[::-1]),
+        [(0.0, ArcMove((1, 0), centre, end, v0, v1, tacc, tdec, turn))],
+        100.0,
     )
     span = np.mod(turn * (np.arctan2(*(end - centre)[::-1]) - first), 2 * np.pi)
     if np.all(end == start):
@@ -98,7 +112,12 @@ def test_circle(radius, at, turn, angle, v, tacc, tdec):
     assert np.abs(record.position([99.0])[0, ::-1] - end).max() <= 1.0
     for k in (0, 1):
         train = record.train(1 - k)
-        theta = first + turn * way(train.ticks / PCI_8132.clock_hz, radius * span, v0, v1, tacc, tdec)[0] / radius
+        theta = (
+            first
+            + turn
+            * way(train.ticks / PCI_8132.clock_hz, radius * span, v0, v1, tacc, tdec)[0]
+            / radius
+        )
         at = centre[k] + radius * (np.cos, np.sin)[k](theta)
         tick = v1 / PCI_8132.clock_hz + EXACT
         assert np.abs(at - (train.count - train.direction / 2)).max(initial=0) <= tick
@@ -108,7 +127,10 @@ def test_circle(radius, at, turn, angle, v, tacc, tdec):
 
 def test_whole_circle_comes_back_and_counts_four_radii_on_each_channel():
     record = play(
-        PCI_8132, at_rest([1000, 0]), [(0.0, ArcMove((0, 1), [0, 0], [1000, 0], 100.0, 4000.0, 0.1, 0.1))], 9.0
+        PCI_8132,
+        at_rest([1000, 0]),
+        [(0.0, ArcMove((0, 1), [0, 0], [1000, 0], 100.0, 4000.0, 0.1, 0.1))],
+        9.0,
     )
     np.testing.assert_allclose(record.position([9.0]), [[1000, 0]], atol=EXACT)
     np.testing.assert_array_equal(record.states[-1].pulses(9.0), [4000, 4000])
@@ -116,7 +138,9 @@ def test_whole_circle_comes_back_and_counts_four_radii_on_each_channel():
 
 @pytest.mark.parametrize("curve", [(0.0, 0.0), (300.0, 100.0)])
 def test_s_curve_along_the_path(curve):
-    """Smooth along the path: the same ends and times as with straight ramps, between them on the path as well."""
+    """Smooth along the path: the same ends and times as with straight ramps, between them on the
+    path as well.
+    """
     lanes, t = at_rest([0, 0]), np.linspace(0.0, 1.0, 201)
     for straight in (
         LinearMove((0, 1), [600, 800], 100.0, 2000.0, 0.2, 0.2),
@@ -146,7 +170,9 @@ def test_queued_interpolations_run_on_without_a_stop():
     middle = 500 * np.sqrt(0.5)
     expected = [[500, 0, 0], [1000 + middle, 500 - middle, 0], [1500, 700, 0], [1500, 900, 0]]
     np.testing.assert_allclose(record.position(t), expected, atol=EXACT)
-    way = np.linalg.norm(np.diff(record.position(np.linspace(0, 1.4 + quarter, 5001)), axis=0), axis=1)
+    way = np.linalg.norm(
+        np.diff(record.position(np.linspace(0, 1.4 + quarter, 5001)), axis=0), axis=1
+    )
     # the chord of an arc is shorter than the arc by (step/radius)²/24
     np.testing.assert_allclose(way, 1000 * (1.4 + quarter) / 5000, rtol=1e-6)
 
@@ -164,11 +190,23 @@ def test_a_batch_of_runs_each_with_its_own_line():
 @pytest.mark.parametrize(
     ("card", "move", "reason"),
     [
-        (PCI_8132, LinearMove((0, 1, 2), [1, 2, 3], 1, 1, 0, 0), r"channels 1, 2, 3 of 4.*2 to 2 different.*card of 2"),
-        (PCI_8132, LinearMove((1, 2), [1, 2], 1, 1, 0, 0), r"channels 2, 3 of 4.*all of one card of 2"),
+        (
+            PCI_8132,
+            LinearMove((0, 1, 2), [1, 2, 3], 1, 1, 0, 0),
+            r"channels 1, 2, 3 of 4.*2 to 2 different.*card of 2",
+        ),
+        (
+            PCI_8132,
+            LinearMove((1, 2), [1, 2], 1, 1, 0, 0),
+            r"channels 2, 3 of 4.*all of one card of 2",
+        ),
         (PCI_8164, LinearMove((0, 0), [1, 2], 1, 1, 0, 0), r"channels 1, 1 of 4.*2 to 4 different"),
         (PCI_8164, LinearMove((2, 4), [1, 2], 1, 1, 0, 0), r"channels 3, 5 of 4"),
-        (PCI_8164, LinearMove((0, 1), [1, 2**27], 1, 1, 0, 0), r"channel 2: position 134217728 .* 28-bit"),
+        (
+            PCI_8164,
+            LinearMove((0, 1), [1, 2**27], 1, 1, 0, 0),
+            r"channel 2: position 134217728 .* 28-bit",
+        ),
         (PCI_8164, LinearMove((0, 1), [1, 2], 1, 7e6, 0, 0), r"max speed 7000000.*speed register"),
         (PCI_8164, ArcMove((0, 1), [100, 0], [0, 5], 1, 1, 0, 0, turn=2), r"turn is ±1"),
         (

@@ -1,4 +1,6 @@
-"""Changes on the fly, stops, dwell and starting together: against a walk in small steps, and by hand."""
+"""Changes on the fly, stops, dwell and starting together: against a walk in small steps, and by
+hand.
+"""
 
 import math
 from dataclasses import replace
@@ -40,9 +42,11 @@ ramps = st.floats(0.02, 0.3)
 
 
 def walked(p, v, target, low, top, up, down, instants):
-    """Positions at instants of a channel that drives to a target by looking at where it is, as a person would.
+    """Positions at instants of a channel that drives to a target by looking at where it is, as a
+    person would.
 
-    Beyond the target, or too close to stop: slow down, and at the start speed turn. Otherwise speed up to the top.
+    Beyond the target, or too close to stop: slow down, and at the start speed turn. Otherwise speed
+    up to the top.
     """
     found = []
     for n in range(round(instants[-1] / STEP) + 1):
@@ -72,7 +76,9 @@ def walked(p, v, target, low, top, up, down, instants):
 )
 @settings(max_examples=40)
 def test_change_of_position(first, second, low, top, tacc, tdec, share):
-    """Further on, nearer, behind, and too near to stop at: the channel ends there, by way of the walk."""
+    """Further on, nearer, behind, and too near to stop at: the channel ends there, by way of the
+    walk.
+    """
     state = send(PCI_8164, at_rest([0]), TAMove([first], [low], [top], tacc, tdec), 0.0)
     t = share * state.moves[0].end[0]
     p, v = state.position([t])[0, 0], state.moves[0].speed(t)[0]
@@ -86,7 +92,10 @@ def test_change_of_position(first, second, low, top, tacc, tdec, share):
     np.testing.assert_allclose(state.position(t + later)[:, 0], expected, rtol=0, atol=tolerance)
     assert state.counter([move.end[0]])[0, 0] == second
     turn = move.start + move.lengths[0] * (move.speeds[0] + move.rates[0] * move.lengths[0] / 2)
-    assert state.pulses(move.end[0])[0] == np.rint(p) + np.abs(np.diff(np.rint([p, turn[0], second]))).sum()
+    assert (
+        state.pulses(move.end[0])[0]
+        == np.rint(p) + np.abs(np.diff(np.rint([p, turn[0], second]))).sum()
+    )
 
 
 @given(
@@ -100,7 +109,9 @@ def test_change_of_position(first, second, low, top, tacc, tdec, share):
 )
 @settings(max_examples=15)
 def test_change_of_speed_keeps_the_target(top, new, low, tacc, tdec, ramp, share):
-    """Whatever the new speed, the move ends on its target; where there is room, at the textbook's time."""
+    """Whatever the new speed, the move ends on its target; where there is room, at the textbook's
+    time.
+    """
     state = send(PCI_8132, at_rest([0]), TAMove([3000], [low], [top], tacc, tdec), 0.0)
     t = share * state.moves[0].end[0]
     p, v = state.position([t])[0, 0], state.moves[0].speed(t)[0]
@@ -117,7 +128,9 @@ def test_change_of_speed_keeps_the_target(top, new, low, tacc, tdec, ramp, share
     grid = np.linspace(t, move.end[0], 801)
     speed = np.array([move.speed(x)[0] for x in (grid[1:] + grid[:-1]) / 2])
     # a bend, or a dead end at the target, falls inside a step
-    assert (speed * np.diff(grid)).sum() == pytest.approx(3000 - p, abs=3 * max(v, new) * (grid[1] - grid[0]))
+    assert (speed * np.diff(grid)).sum() == pytest.approx(
+        3000 - p, abs=3 * max(v, new) * (grid[1] - grid[0])
+    )
     assert np.all(speed >= 0)
 
 
@@ -148,7 +161,14 @@ def test_an_s_curve_takes_no_change_of_speed():
         send(PCI_8164, state, VChange([200.0], 0.1), 0.05)
 
 
-@given(low=lows, top=tops, tacc=ramps, tdec=ramps, share=st.floats(0.05, 0.95), stop=st.floats(0.0, 0.4))
+@given(
+    low=lows,
+    top=tops,
+    tacc=ramps,
+    tdec=ramps,
+    share=st.floats(0.05, 0.95),
+    stop=st.floats(0.0, 0.4),
+)
 @some
 def test_decelerated_stop(low, top, tacc, tdec, share, stop):
     """v·tdec/2 further on, or on the target where that comes first."""
@@ -188,19 +208,32 @@ def test_emergency_stop_drops_what_is_queued():
 def test_dwell_waits_between_queued_moves():
     there = TRMove([100], [1000.0], [1000.0], 0.0, 0.0)
     record = play(QUEUE, at_rest([0]), [(0.0, there), (0.0, DwellMove(0.5)), (0.0, there)], 9.0)
-    np.testing.assert_allclose(record.position([0.1, 0.6, 0.65, 0.7])[:, 0], [100, 100, 150, 200], atol=EXACT)
+    np.testing.assert_allclose(
+        record.position([0.1, 0.6, 0.65, 0.7])[:, 0], [100, 100, 150, 200], atol=EXACT
+    )
 
 
 def test_started_together():
-    """Each channel its own kind of move; a queueing card waits for the last of them; the others go on."""
+    """Each channel its own kind of move; a queueing card waits for the last of them; the others go
+    on.
+    """
     sent = Together(
-        (((0,), TAMove([100, 0, 0], [1000.0] * 3, [1000.0] * 3, 0.0, 0.0)), ((2,), TVMove([0] * 3, [200.0] * 3, 0.0)))
+        (
+            ((0,), TAMove([100, 0, 0], [1000.0] * 3, [1000.0] * 3, 0.0, 0.0)),
+            ((2,), TVMove([0] * 3, [200.0] * 3, 0.0)),
+        )
     )
     state = send(PCI_8164, at_rest([0, 7, 0]), sent, 1.0)
-    np.testing.assert_allclose(state.position([1.05, 2.0]), [[50, 7, 10], [100, 7, 200]], atol=EXACT)
-    state = send(QUEUE, at_rest([0, 7, 0]), TAMove([0, 0, 60], [200.0] * 3, [200.0] * 3, 0.0, 0.0), 0.0)
+    np.testing.assert_allclose(
+        state.position([1.05, 2.0]), [[50, 7, 10], [100, 7, 200]], atol=EXACT
+    )
+    state = send(
+        QUEUE, at_rest([0, 7, 0]), TAMove([0, 0, 60], [200.0] * 3, [200.0] * 3, 0.0, 0.0), 0.0
+    )
     state = send(QUEUE, state, sent, 0.1)
-    np.testing.assert_allclose(state.position([0.3, 0.35, 1.3]), [[0, 0, 60], [50, 0, 70], [100, 0, 260]], atol=EXACT)
+    np.testing.assert_allclose(
+        state.position([0.3, 0.35, 1.3]), [[0, 0, 60], [50, 0, 70], [100, 0, 260]], atol=EXACT
+    )
     for members in ((((0,), sent), ((0,), sent)), (((3,), sent),), ()):
         with pytest.raises(Refused, match="cannot be started together"):
             send(PCI_8164, at_rest([0, 7, 0]), Together(members), 1.0)

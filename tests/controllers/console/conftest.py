@@ -10,7 +10,9 @@ from kinematics import load_machine
 
 
 class Talk:
-    """A desk that is spoken to at instants; every pulse of every motion is counted on the side, one by one."""
+    """A desk that is spoken to at instants; every pulse of every motion is counted on the side, one
+    by one.
+    """
 
     def __init__(self, machine, *, homed=True, mode="MAN"):
         session = open_session(load_machine(machine))
@@ -56,7 +58,9 @@ class Talk:
         motion, fired, t = before
         if self.desk.session.motion is not motion:
             self.fired = self.fired + fired
-            self._seen = self.desk.session.motion.begun if motion is None and self.desk.session.motion else t
+            self._seen = (
+                self.desk.session.motion.begun if motion is None and self.desk.session.motion else t
+            )
 
 
 def _net(motion, since, until):

@@ -1,4 +1,6 @@
-"""What an operator says and what comes of it: registers follow every pulse, nothing moves that was not asked for."""
+"""What an operator says and what comes of it: registers follow every pulse, nothing moves that was
+not asked for.
+"""
 
 import numpy as np
 import pytest
@@ -37,7 +39,9 @@ def test_positions_count_by_the_motor_whichever_way_the_axis_is_wired(talk):
     legs.say("POS LEG1 CCW 1000 LEG4 CCW 7")
     assert legs.wait() == ["DONE"]
     assert legs.registers() == [-1000, 0, 0, -7, 0, 0]
-    assert legs.desk.session.q()[0] - legs.desk.session.machine.home_q[0] == pytest.approx(1000 * 0.75e-6)
+    assert legs.desk.session.q()[0] - legs.desk.session.machine.home_q[0] == pytest.approx(
+        1000 * 0.75e-6
+    )
 
 
 def test_a_jog_ends_by_stop_by_any_line_and_at_the_end_of_travel(talk):
@@ -68,7 +72,9 @@ def test_an_axis_that_is_not_homed_goes_no_farther_than_its_travel_is_long(talk)
     assert console.say("WHERE") == ["X ?-76800 Y ?0 Z ?0 R ?0 (?: not counted from home)"]
     # from either end of what it has been through, no farther than one travel in all
     assert "outside -76800 to 0" in console.say("POS X CW 76801")[0]
-    assert console.say("HOME X") == ["HOME X: register 0; X at 0 mm of its travel, 0 to 1219.2 mm, steps 0 to 76800"]
+    assert console.say("HOME X") == [
+        "HOME X: register 0; X at 0 mm of its travel, 0 to 1219.2 mm, steps 0 to 76800"
+    ]
     assert "outside 0 to 76800" in console.say("POS X CCW 1")[0]
 
 
@@ -154,7 +160,10 @@ def test_modes_say_who_drives(talk):
     assert console.say("MAN")[0] == "ERROR dropped by the console; no motion"
     assert console.wait() == ["DONE"]  # the motion under way goes on
     report = console.say("TEST")[0]
-    assert "X: 76800 steps of 1.5875e-05 m, 2400 steps/s at most after a ramp of 6000, 37.000 s: OK" in report
+    assert (
+        "X: 76800 steps of 1.5875e-05 m, 2400 steps/s at most after a ramp of 6000, 37.000 s: OK"
+        in report
+    )
     at = console.registers()
     assert console.say("POS X CW 48")[0] == "TEST 0.632 s; no motion"  # 2 √(48/480)
     assert console.say("HOME X AT 24 in")[0].startswith("TEST HOME X: register 0; X at 609.6 mm")
@@ -215,7 +224,9 @@ def test_an_axis_that_was_moving_is_not_offered(talk):
     last = snapshot_session(console.desk.session, console.t)
     assert last.moving == {"X": True, "Y": False, "Z": False, "R": False}
     again = open_session(load_machine("traverser"), last)
-    assert describe_offer(again) == "last known position Y 0 Z 0 R 0: ACCEPT or HOME; X unknown: HOME"
+    assert (
+        describe_offer(again) == "last known position Y 0 Z 0 R 0: ACCEPT or HOME; X unknown: HOME"
+    )
     desk, _ = take_line(Dispatcher(again), CONSOLE, TextLine("ACCEPT"), 0.0)
     assert desk.session.unknown() == ("X",)
 
@@ -240,7 +251,9 @@ def test_the_hexapod_runs_lines_through_the_planner(talk):
     wanted = -np.rint((machine.inverse(up) - machine.home_q) / 0.75e-6)
     assert registers == wanted.tolist()
     console.assert_true()
-    assert console.say("MOVE 0 0 25") == ["DONE"]  # half a pulse off at most: there is nothing to move
+    assert console.say("MOVE 0 0 25") == [
+        "DONE"
+    ]  # half a pulse off at most: there is nothing to move
     (reply,) = console.say("MOVE 0 0 250")
     assert reply.startswith("ERROR travel")
     assert "leg" in reply
@@ -254,7 +267,9 @@ def test_the_hexapod_runs_lines_through_the_planner(talk):
 
 
 def test_a_pose_is_reached_in_synchronised_legs(talk):
-    """[Sahbaz 2007, 5.2.3]: all legs start and end together, each its own share of the way at every instant."""
+    """[Sahbaz 2007, 5.2.3]: all legs start and end together, each its own share of the way at every
+    instant.
+    """
     console = talk("hexapod")
     assert console.say("PTP 4 -3 20 2 0 5") == []
     motion = console.desk.session.motion
@@ -287,8 +302,11 @@ def test_a_turn_in_place_is_one_and_said_twice_moves_once(talk):
         was, degrees = degrees, np.array(words, float)
         assert console.say("MOVE 3 2 20 {} {} {}".format(*words)) == []
         motion = console.desk.session.motion
-        # of the exact pose; from where the axes stand, half a pulse off, it takes as long to a few pulses in thousands
-        at = RigidTransform.from_components([0.003, 0.002, 0.02], Rotation.from_euler("XYZ", was, degrees=True))
+        # of the exact pose; from where the axes stand, half a pulse off, it takes as long to a few
+        # pulses in thousands
+        at = RigidTransform.from_components(
+            [0.003, 0.002, 0.02], Rotation.from_euler("XYZ", was, degrees=True)
+        )
         turn = Turn(Rotation.from_euler("XYZ", degrees, degrees=True))
         wanted = plan(Program((turn,), start=at), machine).trajectory.duration
         assert motion.end - motion.begun == pytest.approx(wanted, rel=2e-3)
@@ -318,7 +336,9 @@ def test_help_says_that_a_stop_leaves_the_line(talk):
 
 def test_a_line_from_where_no_plan_can_begin_is_refused(talk):
     console = talk()
-    console.say("POS R CW 300")  # three quarters of a turn, which a pose does not tell from a quarter back
+    console.say(
+        "POS R CW 300"
+    )  # three quarters of a turn, which a pose does not tell from a quarter back
     console.wait()
     (reply,) = console.say("MOVE 1 1 1")
     assert "the plan begins at counts [0, 0, 0, -100], the axes stand at [0, 0, 0, 300]" in reply
@@ -359,8 +379,15 @@ def test_a_line_is_stopped_within_travel_and_registers_stay_true(talk):
 
 
 LINES = st.one_of(
-    st.builds("POS {} {} {}".format, st.sampled_from("XYZR"), st.sampled_from(["CW", "CCW"]), st.integers(0, 20000)),
-    st.builds("POS X {} {} Z {} {}".format, *[st.sampled_from(["CW", "CCW"]), st.integers(0, 9000)] * 2),
+    st.builds(
+        "POS {} {} {}".format,
+        st.sampled_from("XYZR"),
+        st.sampled_from(["CW", "CCW"]),
+        st.integers(0, 20000),
+    ),
+    st.builds(
+        "POS X {} {} Z {} {}".format, *[st.sampled_from(["CW", "CCW"]), st.integers(0, 9000)] * 2
+    ),
     st.builds("JOG {} {}".format, st.sampled_from("XYZR"), st.sampled_from(["CW", "CCW"])),
     st.sampled_from(["STOP", "STOP", "WHERE", "TEST", "MAN", "REM"]),
 )
@@ -376,7 +403,10 @@ def test_registers_are_home_and_the_pulses_fired_at_every_instant(said):
         console.wait(seconds)
         console.assert_true()
         counts = console.desk.session.counters(console.t)
-        assert ((counts >= console.desk.session.drives.low) & (counts <= console.desk.session.drives.high)).all()
+        assert (
+            (counts >= console.desk.session.drives.low)
+            & (counts <= console.desk.session.drives.high)
+        ).all()
     if console.desk.session.jogging:
         console.say("STOP")
     console.wait()

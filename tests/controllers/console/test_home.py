@@ -1,4 +1,6 @@
-"""HOME zeroes a register at any place of the travel, and what an axis may do stays counted from its switch."""
+"""HOME zeroes a register at any place of the travel, and what an axis may do stays counted from its
+switch.
+"""
 
 import json
 import re
@@ -8,7 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.console import CONSOLE, Dispatcher, TextLine, open_session, snapshot_session, take_line
+from controllers.console import (
+    CONSOLE,
+    Dispatcher,
+    TextLine,
+    open_session,
+    snapshot_session,
+    take_line,
+)
 from controllers.console.grammar import MisreadLine, parse_operator_line, remote
 from kinematics import load_machine
 from pulsepath.output import register_file
@@ -29,7 +38,8 @@ def test_home_in_mid_range_keeps_the_window_of_the_true_slide(talk):
     console.say("POS X CW 38400")
     assert console.wait() == ["DONE"]
     assert "cannot go further" in console.say("JOG X CW")[0]
-    # the seed's own example (F.3), and F.5: any point becomes the register's zero, and the slide ends where it did
+    # the seed's own example (F.3), and F.5: any point becomes the register's zero, and the slide
+    # ends where it did
     console.say("POS X CCW 8400 Z CCW 20")
     assert console.wait() == ["DONE"]
     assert console.say("HOME X")[0].endswith("steps -68400 to 8400")
@@ -114,7 +124,10 @@ def test_registers_and_places_outlive_the_session(talk, tmp_path):
     old["registers"] = {**old.pop("counters")}
     file.write_text(json.dumps({**old, "schema": 1}))
     desk, _ = take_line(
-        Dispatcher(open_session(load_machine("traverser"), register_file.read(file))), CONSOLE, TextLine("ACCEPT"), 0.0
+        Dispatcher(open_session(load_machine("traverser"), register_file.read(file))),
+        CONSOLE,
+        TextLine("ACCEPT"),
+        0.0,
     )
     assert desk.session.counts.tolist() == [38100, 27, 0, 0]
 
@@ -122,7 +135,9 @@ def test_registers_and_places_outlive_the_session(talk, tmp_path):
 def test_theta_is_the_rotary_axis_of_the_keyboard_alone():
     names = ("X", "Y", "Z", "R")
     for word in ("θ", "Θ", "theta", "R"):
-        assert parse_operator_line(f"pos {word} cw 5", names) == parse_operator_line("POS R CW 5", names)
+        assert parse_operator_line(f"pos {word} cw 5", names) == parse_operator_line(
+            "POS R CW 5", names
+        )
     with pytest.raises(MisreadLine, match="THETA is not an axis"):
         parse_operator_line("JOG θ CW", ("LEG1", "LEG2"))
     for word in ("θ", "THETA"):
@@ -157,7 +172,9 @@ def test_whatever_is_said_the_true_slide_is_never_left(stands, said):
     for words, seconds in said:
         true = base + (_fired(console)[:3])
         line, who = words, CONSOLE
-        if words.startswith("AT "):  # said again, wherever it stands, which is only true where it stands still
+        if words.startswith(
+            "AT "
+        ):  # said again, wherever it stands, which is only true where it stands still
             if console.desk.session.motion is not None:
                 continue
             axis = "XYZ".index(words[3])

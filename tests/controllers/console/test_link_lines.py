@@ -16,9 +16,14 @@ def read(*chunks):
 
 
 def test_both_ends_of_lines_and_several_in_a_packet():
-    assert read(b"P X + 1\rP X + 2\nP X + 3\r\n\r\n  \r")[1] == [TextLine(f"P X + {n}") for n in (1, 2, 3)]
+    assert read(b"P X + 1\rP X + 2\nP X + 3\r\n\r\n  \r")[1] == [
+        TextLine(f"P X + {n}") for n in (1, 2, 3)
+    ]
     # a packet that ends between CR and LF, and one within a word
-    assert read(b"P X +", b" 1\r", b"\nP", b" X + 2\r")[1] == [TextLine("P X + 1"), TextLine("P X + 2")]
+    assert read(b"P X +", b" 1\r", b"\nP", b" X + 2\r")[1] == [
+        TextLine("P X + 1"),
+        TextLine("P X + 2"),
+    ]
 
 
 def test_a_line_without_its_end_is_none():
@@ -36,7 +41,9 @@ def test_a_long_line_is_one_fault_and_the_next_is_read():
 
 
 def test_a_noise_byte_spoils_its_line():
-    assert read(b"P X + \xff1\r")[1] == [TextLine("", "byte 0xFF at 7 of a line is not a character of a command")]
+    assert read(b"P X + \xff1\r")[1] == [
+        TextLine("", "byte 0xFF at 7 of a line is not a character of a command")
+    ]
     assert read(b"P X\x00+ 1\rWHERE\r")[1][1] == TextLine("WHERE")
 
 
@@ -44,7 +51,9 @@ def test_the_key_theta_passes_whole_and_no_other_byte_does():
     whole = "POS θ CW 5 Θ\n".encode()
     for cut in range(len(whole)):
         assert read(whole[:cut], whole[cut:])[1] == [TextLine("POS θ CW 5 Θ")]
-    assert read(b"POS \xce CW 5\r")[1] == [TextLine("", "byte 0xCE at 5 of a line is not a character of a command")]
+    assert read(b"POS \xce CW 5\r")[1] == [
+        TextLine("", "byte 0xCE at 5 of a line is not a character of a command")
+    ]
     assert read("POS θ CW 5 ä\r".encode())[1][0].fault.startswith("byte 0xC3 at 13")
 
 

@@ -15,7 +15,10 @@ from controllers.console.links import MAX_CLIENTS, Socket, serial_line
 from controllers.console.serve import Clock, Server
 from kinematics import MotionError, load_machine
 
-pty, tty = pytest.importorskip("pty"), pytest.importorskip("tty")  # not on Windows, where the console is refused
+pty, tty = (
+    pytest.importorskip("pty"),
+    pytest.importorskip("tty"),
+)  # not on Windows, where the console is refused
 
 
 class Hands:
@@ -32,7 +35,9 @@ class Hands:
 @pytest.fixture
 def server():
     def serving(*transports, wall=None):
-        session = replace(open_session(load_machine("traverser")), mode="REM", homed=np.ones(4, bool))
+        session = replace(
+            open_session(load_machine("traverser")), mode="REM", homed=np.ones(4, bool)
+        )
         clock = Clock(fast=True) if wall is None else Clock(read=wall)
         return Server(Dispatcher(session), clock, remote=transports)
 
@@ -129,18 +134,24 @@ def test_a_serial_line_that_cannot_be_opened_is_told(wire):
 
 @pytest.mark.parametrize(("parity", "letter"), [("none", "N"), ("even", "E"), ("odd", "O")])
 def test_parity_is_sent_and_looked_at(server, wire, monkeypatch, parity, letter):
-    """A pseudo-terminal has no parity bits; what the system is asked for can be read back, and 0x00 is what fails."""
+    """A pseudo-terminal has no parity bits; what the system is asked for can be read back, and 0x00
+    is what fails.
+    """
     import termios
 
     import serial
 
     asked = {}
     real = serial.Serial
-    monkeypatch.setattr(serial, "Serial", lambda *args, **named: asked.update(named) or real(*args, **named))
+    monkeypatch.setattr(
+        serial, "Serial", lambda *args, **named: asked.update(named) or real(*args, **named)
+    )
     here, name = wire
     remote = server(serial_line(name, 9600, parity))
     assert asked["parity"] == letter
-    assert bool(termios.tcgetattr(os.open(name, os.O_RDWR | os.O_NOCTTY))[0] & termios.INPCK) == (parity != "none")
+    assert bool(termios.tcgetattr(os.open(name, os.O_RDWR | os.O_NOCTTY))[0] & termios.INPCK) == (
+        parity != "none"
+    )
     remote.step()
     os.write(here, b"P X + 1\x0000\rP X + 5\r")
     assert answered(remote, here, 2).split(b"\r\n")[:2] == [
@@ -155,7 +166,10 @@ def test_a_socket_listens_on_loopback_alone_and_serves_several_clients(server):
     listener = Socket(0)
     assert listener.address[0] == "127.0.0.1"
     remote = server(listener)
-    with socket.create_connection(listener.address) as one, socket.create_connection(listener.address) as other:
+    with (
+        socket.create_connection(listener.address) as one,
+        socket.create_connection(listener.address) as other,
+    ):
         one.sendall(b"P X + 10\r")
         other.sendall(b"P Y + 20\rP Y - 21\r")
         for client in (one, other):
@@ -173,7 +187,9 @@ def test_a_client_that_vanishes_mid_move(server):
     client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\x00\x00\x00\x00\x00\x00\x00")
     client.close()  # with a reset
     serve_until(remote, lambda: not remote.desk.waiting)
-    assert remote.desk.end == pytest.approx(1.29, abs=1e-2)  # the move is not broken off: 2 √(200/480) s
+    assert remote.desk.end == pytest.approx(
+        1.29, abs=1e-2
+    )  # the move is not broken off: 2 √(200/480) s
     wall.t = remote.desk.end
     serve_until(remote, lambda: remote.desk.end is None)
     assert remote.desk.session.registers(0.0).tolist() == [200, 0, 0, 0]
@@ -203,7 +219,9 @@ def test_a_client_that_says_no_more_is_answered_all_it_has_said(server):
     listener = Socket(0)
     remote = server(listener, wall=Hands(0.2))
     with socket.create_connection(listener.address) as client:
-        client.sendall(b"P X + 10\rP X + 10 Y + 5\rP Z + 3\rWHERE")  # as a pipe into netcat, which then half-closes
+        client.sendall(
+            b"P X + 10\rP X + 10 Y + 5\rP Z + 3\rWHERE"
+        )  # as a pipe into netcat, which then half-closes
         client.shutdown(socket.SHUT_WR)
         *done, broken_off, rest = heard_back(remote, client).split(b"\r\n")
     assert done == [b"DONE"] * 3
@@ -220,7 +238,9 @@ def test_a_client_that_says_no_more_is_answered_all_it_has_said(server):
         b"POST / HTTP/1.1\rP X + 100\r",
         b"GET /chat HTTP/1.1\r\nP X + 100\r\n",
         # a first line that is longer than a line may be
-        b"POST /" + b"a" * 200 + b" HTTP/1.1\r\nHost: localhost\r\nAccept: */*\r\n\r\nP X + 100\r\n",
+        b"POST /"
+        + b"a" * 200
+        + b" HTTP/1.1\r\nHost: localhost\r\nAccept: */*\r\n\r\nP X + 100\r\n",
         b"\x16\x03\x01\r\rno\rcommand\rP X + 100\r",
     ],
 )
@@ -236,7 +256,9 @@ def test_a_web_page_moves_nothing(server, page):
 
 
 HELLO = b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"
-"""The beginning of a TLS 1.3 connection [RFC 8446, 5.1 and 4.1.2]: its server name and session are chosen freely."""
+"""The beginning of a TLS 1.3 connection [RFC 8446, 5.1 and 4.1.2]: its server name and session are
+chosen freely.
+"""
 FOREIGN = {
     "TLS": HELLO + b"\rP X + 1111\r",
     "TLS with line feeds": HELLO + b"\nP X + 1111\n",

@@ -1,9 +1,11 @@
-"""Random bytes of several remote computers: no crash, no motion without a command, and registers that are true.
+"""Random bytes of several remote computers: no crash, no motion without a command, and registers
+that are true.
 
-The computers send noise, text, commands, and commands with changed bytes, cut at random, at random instants. A regular
-expression that knows nothing of the console's grammar reads the commands. A model says who gets which reply: commands
-wait for one another, 16 at most; STOP drops them and ends the motion. At every arrival and every end of a motion the
-registers are compared with the pulses that the card has fired.
+The computers send noise, text, commands, and commands with changed bytes, cut at random, at random
+instants. A regular expression that knows nothing of the console's grammar reads the commands. A
+model says who gets which reply: commands wait for one another, 16 at most; STOP drops them and ends
+the motion. At every arrival and every end of a motion the registers are compared with the pulses
+that the card has fired.
 """
 
 import re
@@ -31,7 +33,9 @@ AXIS_MOVE = re.compile(rb"([XYZR])[ \t]+([+-])[ \t]+([0-9]{1,9})")
 AXES = b"XYZR"
 LOW = (0, 0, 0, -(2**27))
 HIGH = (76800, 76800, 115200, 2**27 - 1)
-"""Steps from home: 48, 48 and 72 in of 0.000625 in; the rotary axis to the ends of the 28-bit counter."""
+"""Steps from home: 48, 48 and 72 in of 0.000625 in; the rotary axis to the ends of the 28-bit
+counter.
+"""
 START = (30000, 30000, 30000, 0)
 LONGEST_LINE = 120
 QUEUE = 16
@@ -39,7 +43,9 @@ CLIENTS = (1, 2, 3)
 
 
 def find_goal(line, at):
-    """Return where a command moves the axes from `at`; None for a line that is no command, or out of travel."""
+    """Return where a command moves the axes from `at`; None for a line that is no command, or out
+    of travel.
+    """
     command = COMMAND.fullmatch(line)
     if command is None or len(line) > LONGEST_LINE:
         return None
@@ -53,7 +59,9 @@ def find_goal(line, at):
 
 @dataclass
 class Model:
-    """Where the axes rest or began to move; the goal of the motion and who waits for its end; what waits."""
+    """Where the axes rest or began to move; the goal of the motion and who waits for its end; what
+    waits.
+    """
 
     at: np.ndarray
     goal: np.ndarray | None = None
@@ -101,7 +109,9 @@ class Model:
 
 
 def draw_command(random):
-    """Return a command with its end: mostly short ways, since every pulse is counted, some out of travel."""
+    """Return a command with its end: mostly short ways, since every pulse is counted, some out of
+    travel.
+    """
     words = [b"P"]
     for axis in random.permutation(4)[: random.integers(1, 5)]:
         far = axis < 3 and random.random() < 0.05
@@ -131,11 +141,16 @@ def sum_pulses(motion, since, until):
     """Return the sums of the pulses fired from `since` to before `until`."""
     if motion is None:
         return np.zeros(len(START), np.int64)
-    return np.array([directions.sum(dtype=np.int64) for directions in motion.directions_between(since, until)])
+    return np.array(
+        [directions.sum(dtype=np.int64) for directions in motion.directions_between(since, until)]
+    )
 
 
 def run(strings, seed):
-    """Let the computers send so many byte strings, and compare each reply and each register. Return how often what."""
+    """Let the computers send so many byte strings, and compare each reply and each register.
+
+    Return how often what.
+    """
     random = np.random.default_rng(seed)
     session = open_session(load_machine("traverser"))
     desk = Dispatcher(replace(session, mode="REM", counts=np.array(START), homed=np.ones(4, bool)))
@@ -155,7 +170,9 @@ def run(strings, seed):
         numbers.update(kind for _, kind in expected)
 
     for number in range(strings + 1):
-        until = np.inf if number == strings else t + random.exponential(0.3) * (random.random() < 0.7)
+        until = (
+            np.inf if number == strings else t + random.exponential(0.3) * (random.random() < 0.7)
+        )
         while desk.end is not None and desk.end <= until:
             t = desk.end
             counts = counts + sum_pulses(desk.session.motion, since, np.inf)
@@ -174,7 +191,9 @@ def run(strings, seed):
         data = draw_bytes(random)
         *ended, tails[who] = re.split(rb"[\r\n]", tails[who] + data)
         numbers["midway"] += desk.end is not None
-        expected = [reply for line in ended if line.strip(b" \t") for reply in model.take(who, line)]
+        expected = [
+            reply for line in ended if line.strip(b" \t") for reply in model.take(who, line)
+        ]
         replies = []
         for begin, end in pairwise([0, *sorted(random.integers(len(data) + 1, size=2)), len(data)]):
             partial[who], lines = partial[who].feed(data[begin:end])

@@ -23,7 +23,9 @@ FINE = replace(PLAIN, encoder=1e15)
 def run(servos, command):
     """Positions and torques (N, n) of one run, and the state after it (n,)."""
     axes = servo_axes([servos], servos[0].sample)
-    done, state = axes.run(axes.standing(np.zeros((1, len(servos)))), at_once(command), np.arange(len(command)))
+    done, state = axes.run(
+        axes.standing(np.zeros((1, len(servos)))), at_once(command), np.arange(len(command))
+    )
     last = SimpleNamespace(**{name: getattr(state, name)[0] for name in ("x", "v", "integral")})
     return axes, SimpleNamespace(position=done.position[:, 0], torque=done.torque[:, 0], state=last)
 
@@ -44,7 +46,9 @@ def test_following_error_at_constant_speed_is_speed_over_gain(friction):
     command = ramp(speed, 2.0, FINE)
     _, response = run(servos, command)
     # the slowest mode of these loops, 18 1/s, has died to e^-36
-    np.testing.assert_allclose(command[-1] - response.position[-1], speed / [20.0, 30.0, 45.0], rtol=1e-9)
+    np.testing.assert_allclose(
+        command[-1] - response.position[-1], speed / [20.0, 30.0, 45.0], rtol=1e-9
+    )
 
 
 def test_quantized_feedback_moves_the_following_error_by_half_a_count_at_most():
@@ -68,7 +72,9 @@ def test_step_response_converges_without_leaving_the_torque_limit(step):
 
 
 def test_saturated_axis_accelerates_at_torque_over_inertia():
-    """No faster than the torque allows, and exactly so while it saturates: x = τ t²/2 J without friction."""
+    """No faster than the torque allows, and exactly so while it saturates: x = τ t²/2 J without
+    friction.
+    """
     weak = replace(FINE, torque_limit=2.0, inertia=4.0, friction=0.0)
     _, response = run([weak], np.full((200, 1), 1.0))
     assert np.all(response.torque == 2.0)
@@ -97,13 +103,17 @@ def test_encoder_reads_whole_counts_within_half_a_count(x):
 
 @given(friction=st.floats(0.0, 1e4), inertia=st.floats(0.01, 100.0), sample=st.floats(1e-5, 1e-2))
 def test_motor_is_discretised_exactly(friction, inertia, sample):
-    """Against the matrix exponential of [x, v, τ], from no friction to time constants far below the sample."""
+    """Against the matrix exponential of [x, v, τ], from no friction to time constants far below the
+    sample.
+    """
     model = rotor(*(np.array([[of]]) for of in (inertia, friction, 0.0)), sample)
     a = np.array([[0, 1, 0], [0, -friction / inertia, 1 / inertia], [0, 0, 0]])
     exact = expm(a * sample)
     ours = [float(of[0, 0]) for of in model.lanes[3:]]
     # expm itself scales and squares: 1e-9 of a large exponent
-    np.testing.assert_allclose(ours, [exact[0, 1], exact[0, 2], exact[1, 1], exact[1, 2]], rtol=1e-8, atol=1e-18)
+    np.testing.assert_allclose(
+        ours, [exact[0, 1], exact[0, 2], exact[1, 1], exact[1, 2]], rtol=1e-8, atol=1e-18
+    )
 
 
 def test_linear_response_is_that_of_the_matrix_model():
@@ -133,7 +143,9 @@ def test_axes_do_not_disturb_each_other():
         np.testing.assert_array_equal(together.position[:, i], alone.position[:, 0])
 
 
-@pytest.mark.parametrize("change", [{}, {"command_delay": 3, "loop_delay": 2}, {"coulomb": 0.5, "play": 1e-5}])
+@pytest.mark.parametrize(
+    "change", [{}, {"command_delay": 3, "loop_delay": 2}, {"coulomb": 0.5, "play": 1e-5}]
+)
 def test_the_drive_can_be_run_in_portions(change):
     """Also in portions shorter than its delays."""
     command = ramp(0.02, 0.1, PLAIN)
@@ -151,7 +163,16 @@ def test_default_servo_is_the_table():
 
 
 @pytest.mark.parametrize(
-    "field", ["position_gain", "speed_loop", "integral_time", "torque_limit", "inertia", "encoder", "sample"]
+    "field",
+    [
+        "position_gain",
+        "speed_loop",
+        "integral_time",
+        "torque_limit",
+        "inertia",
+        "encoder",
+        "sample",
+    ],
 )
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_impossible_servos_are_refused(field, value):
@@ -195,7 +216,9 @@ def test_a_loop_delay_holds_the_torque_back():
 
 
 def test_a_long_loop_delay_is_unstable():
-    """The speed loop's crossover of 30 Hz has some 80° to spare: 7 ms of delay cost 76°, 10 ms 108°."""
+    """The speed loop's crossover of 30 Hz has some 80° to spare: 7 ms of delay cost 76°, 10 ms
+    108°.
+    """
     step = np.full((1200, 1), 1e-6)
     _, calm = run([replace(FINE, loop_delay=8)], step)
     _, wild = run([replace(FINE, loop_delay=48)], step)
@@ -205,12 +228,16 @@ def test_a_long_loop_delay_is_unstable():
 
 @pytest.mark.parametrize("factor", [0.7, 1.3])
 def test_a_drive_that_is_set_wrong_answers_by_its_own_idea(factor):
-    """The torque is that of the nominal inertia, the acceleration that of the true one: x = τ t²/(2 J′)."""
+    """The torque is that of the nominal inertia, the acceleration that of the true one: x = τ t²/(2
+    J′).
+    """
     weak = replace(FINE, torque_limit=2.0, inertia=4.0, friction=0.0)
     _, response = run([replace(weak, inertia_factor=factor)], np.full((100, 1), 1.0))
     assert np.all(response.torque == 2.0)
     t = np.arange(100) * weak.sample
-    np.testing.assert_allclose(response.position[:, 0], 0.5 * t**2 / 2 / factor, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(
+        response.position[:, 0], 0.5 * t**2 / 2 / factor, rtol=1e-12, atol=1e-18
+    )
     _, nominal = run([FINE], np.full((1, 1), 1e-3))
     _, other = run([replace(FINE, inertia_factor=factor)], np.full((1, 1), 1e-3))
     assert nominal.torque[0] == other.torque[0]
@@ -239,7 +266,9 @@ def test_play_costs_half_of_itself_where_the_encoder_does_not_see_it(feedback):
 
 
 def test_at_a_reversal_the_output_waits_for_the_play():
-    """Up half the play behind the motor, whose way is that without play; then held until the motor came back by it."""
+    """Up half the play behind the motor, whose way is that without play; then held until the motor
+    came back by it.
+    """
     servo = replace(FINE, play=4e-4)
     up = ramp(0.02, 0.5, FINE)
     command = np.concatenate([up, 2 * up[-1] - up])
@@ -255,7 +284,13 @@ def test_at_a_reversal_the_output_waits_for_the_play():
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("feedback", "gear"), ("command_delay", 0.5), ("loop_delay", -1), ("play", -1e-9), ("coulomb", np.nan)],
+    [
+        ("feedback", "gear"),
+        ("command_delay", 0.5),
+        ("loop_delay", -1),
+        ("play", -1e-9),
+        ("coulomb", np.nan),
+    ],
 )
 def test_impossible_additions_are_refused(field, value):
     with pytest.raises(MotionError, match=field):

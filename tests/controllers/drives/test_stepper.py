@@ -1,4 +1,6 @@
-"""Steppers against the analytic answers of a rotor in a turning field, and against losing their steps."""
+"""Steppers against the analytic answers of a rotor in a turning field, and against losing their
+steps.
+"""
 
 from dataclasses import replace
 
@@ -16,10 +18,19 @@ CYCLE = 4 * STEP
 
 
 def run(stepper, command):
-    """Position, speed, torque (N,) and full steps lost, of one stepper whose field is told to be at command (N,)."""
+    """Position, speed, torque (N,) and full steps lost, of one stepper whose field is told to be at
+    command (N,).
+    """
     axes = stepper_axes([[stepper]], stepper.sample)
-    told, state = axes.run(axes.standing(np.zeros((1, 1))), np.asarray(command)[:, None, None], np.arange(len(command)))
-    return told.position[:, 0, 0], told.speed[:, 0, 0], told.torque[:, 0, 0], int(axes.count_lost_steps(state)[0, 0])
+    told, state = axes.run(
+        axes.standing(np.zeros((1, 1))), np.asarray(command)[:, None, None], np.arange(len(command))
+    )
+    return (
+        told.position[:, 0, 0],
+        told.speed[:, 0, 0],
+        told.torque[:, 0, 0],
+        int(axes.count_lost_steps(state)[0, 0]),
+    )
 
 
 def ramp(stepper, speed, seconds, up=0.1):
@@ -72,7 +83,9 @@ def brake(load):
 
 
 def test_steps_are_lost_just_when_the_load_exceeds_the_torque():
-    """T(30 rad/s) = 0.3625 N m on the curve; the ramp needs J · 120 rad/s² = 0.0024 N m beside the load."""
+    """T(30 rad/s) = 0.3625 N m on the curve; the ramp needs J · 120 rad/s² = 0.0024 N m beside the
+    load.
+    """
     peak = np.interp(30.0, [0, 20, 100], [0.4, 0.4, 0.1])
     for load, loses in ((0.97 * peak, False), (1.01 * peak, True)):
         stepper, command = brake(load)
@@ -84,14 +97,18 @@ def test_steps_are_lost_just_when_the_load_exceeds_the_torque():
 
 
 def test_beyond_its_curve_it_stays_behind_for_good():
-    """Thrown at once to a speed beyond its curve it does not even start: the damping drags less than friction holds."""
+    """Thrown at once to a speed beyond its curve it does not even start: the damping drags less
+    than friction holds.
+    """
     t = np.arange(1200) * PLAIN.sample
     stepper = replace(PLAIN, damping=2e-4, coulomb=0.04)
     command = np.concatenate([150.0 * t, np.full(1200, 150.0 * t[-1])])
     x, _, _, lost = run(stepper, command)
     assert not x[: len(t)].any()
     assert abs(lost * STEP - command[-1]) <= CYCLE / 2 + STEP
-    assert abs(command[-1] - lost * STEP - x[-1]) <= STEP * 2 / np.pi * np.arcsin(0.04 / 0.4) * (1 + 1e-9)
+    assert abs(command[-1] - lost * STEP - x[-1]) <= STEP * 2 / np.pi * np.arcsin(0.04 / 0.4) * (
+        1 + 1e-9
+    )
 
 
 def test_a_quick_swing_beyond_the_unstable_place_is_no_loss():
@@ -136,9 +153,14 @@ def test_impossible_steppers_are_refused(change, words):
 def test_a_plan_that_is_tracked_tells_of_lost_steps():
     """A motor whose torque ends below the plan's speed falls behind, and the errors say why."""
     rig = load_rig("hexapod-steppers")
-    weak = replace(rig, drives=(replace(rig.drives[0], torque_speed=((0.0, 3000.0), (5e-3, 0.0))), *rig.drives[1:]))
+    weak = replace(
+        rig,
+        drives=(replace(rig.drives[0], torque_speed=((0.0, 3000.0), (5e-3, 0.0))), *rig.drives[1:]),
+    )
     motion = plan(Program((Line(to=np.array([0, 0, 5e-3])),)), rig.machine).trajectory
-    whole, fallen = (track(motion, rig.machine, find_law("3"), rig=on, period=1e-3) for on in (rig, weak))
+    whole, fallen = (
+        track(motion, rig.machine, find_law("3"), rig=on, period=1e-3) for on in (rig, weak)
+    )
     assert not whole.lost.any()
     assert fallen.lost[0] > 0
     assert not fallen.lost[1:].any()

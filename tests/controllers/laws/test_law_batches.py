@@ -15,14 +15,18 @@ SAME = 1e-12
 
 @pytest.fixture(scope="module")
 def planned():
-    return plan(Program((Line((0.0, 0.0, 0.002)), Line((0.001, 0.0, 0.002)))), load_machine("hexapod"))
+    return plan(
+        Program((Line((0.0, 0.0, 0.002)), Line((0.001, 0.0, 0.002)))), load_machine("hexapod")
+    )
 
 
 @pytest.mark.parametrize("names", [("3", "6"), ("6", "6r", "3"), ("1",)])
 def test_each_is_as_it_is_alone(planned, names):
     machine, laws = planned.machine, [find_law(name) for name in names]
     together = track_each(planned, machine, laws, period=1e-3)
-    for own, found, errors in zip(laws, together, evaluate_each(together, planned, machine), strict=True):
+    for own, found, errors in zip(
+        laws, together, evaluate_each(together, planned, machine), strict=True
+    ):
         alone = track(planned, machine, own, period=1e-3)
         assert found.law == alone.law
         for name in ("t", "reference", "command", "pulses"):

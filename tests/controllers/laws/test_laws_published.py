@@ -1,4 +1,6 @@
-"""The thesis' laws and their variants: each command against its row of the table, worked out by hand."""
+"""The thesis' laws and their variants: each command against its row of the table, worked out by
+hand.
+"""
 
 import json
 
@@ -18,7 +20,9 @@ from kinematics import MotionError
 from pulsepath.cli import main
 from tests.controllers.servos import track
 
-REFERENCE = Reference(0.01, [[0, 0], [10, -5], [30, -20], [40, -30]], [[0, 0], [1500, -900], [1500, -1200], [0, 0]])
+REFERENCE = Reference(
+    0.01, [[0, 0], [10, -5], [30, -20], [40, -30]], [[0, 0], [1500, -900], [1500, -1200], [0, 0]]
+)
 READ = Feedback(np.array([4.0, 3.0]), np.array([500.0, -300.0]), np.array([9.0, -4.0]))
 
 
@@ -29,7 +33,9 @@ def sent(number, k=1, read=READ, **gains):
 def assert_ramp(move, kind, target, start, top):
     assert type(move) is kind
     aim = move.position if kind is TAMove else move.distance
-    np.testing.assert_allclose([aim, move.start_speed, move.max_speed], [target, start, top], rtol=1e-15)
+    np.testing.assert_allclose(
+        [aim, move.start_speed, move.max_speed], [target, start, top], rtol=1e-15
+    )
     assert (move.tacc, move.tdec) == (0.01, 0.0)
 
 
@@ -55,7 +61,9 @@ def test_law_4_sends_the_error_itself():
 
 def test_law_5_sends_errors_of_place_and_speed():
     """kv = 2: 2 · (1500 − 500), 2 · (−1200 + 300)."""
-    assert_ramp(sent("5", gain=0.5, speed_gain=2.0), TAMove, [13, -11.5], [1500, -900], [2000, -1800])
+    assert_ramp(
+        sent("5", gain=0.5, speed_gain=2.0), TAMove, [13, -11.5], [1500, -900], [2000, -1800]
+    )
 
 
 def test_law_7_is_relative():
@@ -78,7 +86,9 @@ def test_full_trapezoid_starts_and_ends_each_step_at_rest():
 
 
 def test_law_3t_closes_the_loop_over_full_trapezoids():
-    """e = 0.5 · (10 − 4, −5 − 3) as in law 6: targets 33 and −24, 24 and 20 from the counters over 7.5 ms."""
+    """e = 0.5 · (10 − 4, −5 − 3) as in law 6: targets 33 and −24, 24 and 20 from the counters over
+    7.5 ms.
+    """
     move = sent("3t", gain=0.5)
     assert isinstance(move, TAMove)
     np.testing.assert_array_equal(move.position, [33, -24])
@@ -92,7 +102,9 @@ def test_law_3t_closes_the_loop_over_full_trapezoids():
 
 
 def test_law_3t_on_the_thesis_sine_tracks_better_than_law_3_and_shakes_more():
-    """Section 7.4: two servos, 50.25 ms; acceptable errors at the right time, and shafts that vibrate."""
+    """Section 7.4: two servos, 50.25 ms; acceptable errors at the right time, and shafts that
+    vibrate.
+    """
     bench = load_rig("servo-rig")
     task = bench.task("sine")
     assert task.dt == pytest.approx(50.25e-3)
@@ -108,7 +120,9 @@ def test_law_3t_on_the_thesis_sine_tracks_better_than_law_3_and_shakes_more():
 
 
 def test_full_trapezoids_are_at_the_reference_at_every_step(rig, axis_motion):
-    """They arrive in each step, to the least speed of the card and rounding; law 3 does where the speed is convex."""
+    """They arrive in each step, to the least speed of the card and rounding; law 3 does where the
+    speed is convex.
+    """
     dt = 0.025
     run = track(axis_motion("quarter-sine", duration=1.0), rig, find_law("3o"), dt=dt)
     off = (run.command - run.reference)[:: round(dt / (run.t[1] - run.t[0]))]
@@ -119,12 +133,18 @@ def test_full_trapezoids_are_at_the_reference_at_every_step(rig, axis_motion):
 @given(gains=st.lists(st.floats(-2, 2), min_size=1, max_size=4), k=st.integers(0, 5))
 def test_a_batch_of_gains_is_its_runs_one_by_one(gains, k):
     column = np.array(gains)[:, None]
-    read = Feedback(*(np.tile(of, (len(gains), 1)) for of in (READ.position, READ.speed, READ.counter)))
+    read = Feedback(
+        *(np.tile(of, (len(gains), 1)) for of in (READ.position, READ.speed, READ.counter))
+    )
     for number in ("3t", "4", "5", "6", "7", "6r", "7r"):
         together = find_law(number, gain=column).command(k, REFERENCE, read)
         for b, gain in enumerate(gains):
             alone = find_law(number, gain=gain).command(k, REFERENCE, READ)
-            for name in ("start_speed", "max_speed", "position" if hasattr(alone, "position") else "distance"):
+            for name in (
+                "start_speed",
+                "max_speed",
+                "position" if hasattr(alone, "position") else "distance",
+            ):
                 np.testing.assert_array_equal(np.broadcast_to(getattr(together, name), (len(gains), 2))[b],
                                               getattr(alone, name))  # fmt: skip
 
@@ -139,7 +159,8 @@ def test_grids_are_of_gains_that_the_law_takes(number):
 
 @pytest.mark.parametrize("number", ["3t", "4", "5", "6", "7", "6r", "7r", "ff", "mpc"])
 @pytest.mark.parametrize(
-    ("wrong", "reason"), [(np.inf, "finite"), ([[0.5], [np.nan]], "nan"), ([0.5, 0.6], r"shape \(2,\)")]
+    ("wrong", "reason"),
+    [(np.inf, "finite"), ([[0.5], [np.nan]], "nan"), ([0.5, 0.6], r"shape \(2,\)")],
 )
 def test_gains_that_are_none_are_refused(number, wrong, reason):
     gain = next(iter(find_law(number).grid))
@@ -149,7 +170,8 @@ def test_gains_that_are_none_are_refused(number, wrong, reason):
 
 @pytest.mark.parametrize("number", ["6", "7"])
 def test_no_gain_lets_the_printed_laws_catch_up(rig, axis_motion, number):
-    """Found: law 6 and 7 follow law 3 for every k, one way; repaired, the same gains cut the error by a third and more.
+    """Found: law 6 and 7 follow law 3 for every k, one way; repaired, the same gains cut the error
+    by a third and more.
 
     Why: the tabulated top speed is the reference's own.
     """
@@ -166,7 +188,9 @@ def test_no_gain_lets_the_printed_laws_catch_up(rig, axis_motion, number):
 
 
 def test_laws_of_one_class_are_listed_with_their_own_formulas():
-    """[Sahbaz 2007, Table 7.5]: 6 is absolute, 7 relative; the repaired ones carry e/dt in their top speed."""
+    """[Sahbaz 2007, Table 7.5]: 6 is absolute, 7 relative; the repaired ones carry e/dt in their
+    top speed.
+    """
     formulas = {number: find_law(number).formula for number in ("6", "7", "6r", "7r")}
     error = "e = k·(ang(k) − pos(k−1)); "
     assert formulas == {
@@ -175,5 +199,8 @@ def test_laws_of_one_class_are_listed_with_their_own_formulas():
         "6r": f"{error}TAMove(ang(k+1) + e, npuls(k), npuls(k+1) + e/dt, dt, 0)",
         "7r": f"{error}TRMove(ang(k+1) − ang(k) + e, npuls(k), npuls(k+1) + e/dt, dt, 0)",
     }
-    listed = {law["number"]: law["about"] for law in json.loads(CliRunner().invoke(main, ["laws", "--json"]).output)}
+    listed = {
+        law["number"]: law["about"]
+        for law in json.loads(CliRunner().invoke(main, ["laws", "--json"]).output)
+    }
     assert {number: listed[number] for number in formulas} == formulas

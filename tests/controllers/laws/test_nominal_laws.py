@@ -12,7 +12,13 @@ from controllers import Rig, find_law, load_rig
 from controllers.card import PCI_8132, at_rest, send
 from controllers.drives.servo import leg_servo
 from controllers.laws.law import Feedback, Reference, ramp
-from controllers.laws.nominal import NominalAxes, friction_response, nominal_axes, response, usual_axes
+from controllers.laws.nominal import (
+    NominalAxes,
+    friction_response,
+    nominal_axes,
+    response,
+    usual_axes,
+)
 from controllers.laws.open_loop import Feedforward, OpenPosition
 from controllers.laws.predictive import Friction, Horizon, Predictive
 from controllers.simulate import sample, simulate
@@ -27,12 +33,15 @@ NO_LIMIT = np.full(3, np.inf)
 
 def axes(**changes):
     return replace(
-        NominalAxes.from_key(usual_axes().key(), 3), **{name: np.array(of, float) for name, of in changes.items()}
+        NominalAxes.from_key(usual_axes().key(), 3),
+        **{name: np.array(of, float) for name, of in changes.items()},
     )
 
 
 def steady(run):
-    """Mean and span (n,) of the following errors in pulses, where the quarter-sine's speed has long been constant."""
+    """Mean and span (n,) of the following errors in pulses, where the quarter-sine's speed has long
+    been constant.
+    """
     middle = (run.t > 2.0) & (run.t < 3.9)
     return ((run.reference - run.actual)[middle] / PULSE).mean(0), np.ptp(
         (run.reference - run.actual)[middle], 0
@@ -47,7 +56,9 @@ def test_between_samples_the_reference_is_a_cubic():
     t = np.array([[0.0, 0.33], [0.25, 0.1]])
     for got, want in zip(reference.between(t), (p, v, a), strict=True):
         np.testing.assert_allclose(got, want(t) * [1, -1], rtol=1e-9)
-    np.testing.assert_allclose(reference.between(np.array([0.4, 0.4]), before=True)[2], a(0.4) * np.array([1, -1]))
+    np.testing.assert_allclose(
+        reference.between(np.array([0.4, 0.4]), before=True)[2], a(0.4) * np.array([1, -1])
+    )
     for outside in (-0.1, 0.4, 7.0):
         position, speed, acceleration = reference.between(np.full(2, outside))
         np.testing.assert_allclose(position, p(np.clip(outside, 0, 0.4)) * np.array([1, -1]))
@@ -57,7 +68,9 @@ def test_between_samples_the_reference_is_a_cubic():
 
 def test_heading_is_the_way_an_axis_last_went():
     reference = Reference(
-        1.0, np.array([[0.0], [0.0], [5.0], [5.0], [0.0], [0.0]]), np.array([[0], [0], [5], [0], [-5.0], [0]])
+        1.0,
+        np.array([[0.0], [0.0], [5.0], [5.0], [0.0], [0.0]]),
+        np.array([[0], [0], [5], [0], [-5.0], [0]]),
     )
     np.testing.assert_array_equal(reference.heading(np.array([[0.0], [1.0], [2.0], [3.0], [4.0], [5.0], [9.0]]))[:, 0],
                                   [0, 0, 1, 1, -1, -1, -1])  # fmt: skip
@@ -66,7 +79,9 @@ def test_heading_is_the_way_an_axis_last_went():
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(way=st.integers(-3000, 3000), start=st.floats(-3e4, 3e4), end=st.floats(-3e4, 3e4))
 def test_a_ramp_arrives_in_its_step(way, start, end):
-    """On the card: to one step of the speed register (36.6 pulses/s) over the step, and the pulse's rounding."""
+    """On the card: to one step of the speed register (36.6 pulses/s) over the step, and the pulse's
+    rounding.
+    """
     move = ramp(np.array([500.0 + way]), np.array([start]), np.array([end]), np.array([500.0]), DT)
     state = send(PCI_8132, at_rest([500]), move, 0.0)
     assert abs(state.counter(DT)[0, 0] - (500 + way)) <= PCI_8132.least_speed * DT + 1
@@ -75,7 +90,10 @@ def test_a_ramp_arrives_in_its_step(way, start, end):
 
 
 def test_open_loop_lags_by_speed_over_gain_and_feedforward_by_nothing(rig, axis_motion):
-    """Behind the command by v/K, K = 30: in closed form. Left of it is quantization: a pulse of the command."""
+    """Behind the command by v/K, K = 30: in closed form.
+
+    Left of it is quantization: a pulse of the command.
+    """
     motion = axis_motion("quarter-sine", WAYS, duration=5.0)
     speed = motion.at(2.5).qd / PULSE
     plain = track(motion, rig, OpenPosition(), dt=DT)
@@ -99,7 +117,9 @@ def test_dead_time_is_met_by_a_shift(rig, axis_motion):
 
 
 def test_acceleration_feedforward_is_for_speed_loops_without_integral(rig, axis_motion):
-    """Such a drive is r̈/(K ω) behind what ṙ/K gives it, in closed form; the share γ = 1 of it removes that."""
+    """Such a drive is r̈/(K ω) behind what ṙ/K gives it, in closed form; the share γ = 1 of it
+    removes that.
+    """
     motion = axis_motion("there and back", (200_000, -100_000, 50_000), duration=5.0)
     bare = replace(leg_servo(rig.axes[0]), integral_time=1e6, friction=0.0)
     worst = []
@@ -117,7 +137,10 @@ def test_play_is_taken_up_by_half_on_the_way(rig, axis_motion):
     motion = axis_motion("quarter-sine", WAYS, duration=5.0)
     loose = replace(leg_servo(rig.axes[0]), play=20 * PULSE)
     know = nominal_axes(Rig(rig, (loose,) * 3))
-    behind = [steady(track(motion, rig, Feedforward(play=share, axes=know), dt=DT, servo=loose))[0] for share in (0, 1)]
+    behind = [
+        steady(track(motion, rig, Feedforward(play=share, axes=know), dt=DT, servo=loose))[0]
+        for share in (0, 1)
+    ]
     np.testing.assert_allclose(behind[0], [10, -10, 10], atol=1.0)
     np.testing.assert_allclose(behind[1], 0, atol=1.0)
 
@@ -134,9 +157,15 @@ def test_nominal_axes_are_the_rig_as_stated_and_find_their_way_into_laws():
 
 
 def test_response_is_the_drive_integrated():
-    """Against integration of `NominalAxes`' equations to 1e-9: for a command of a ramp of speed, and for friction."""
+    """Against integration of `NominalAxes`' equations to 1e-9: for a command of a ramp of speed,
+    and for friction.
+    """
     some = axes(position_gain=[30, 20, 12], integral_time=[0.03, 0.045, 0.1], friction=[5, 0, 1])
-    model, state, w = response(some, DT, 5), np.array([3.0, 40.0, -200.0, 10.0]), np.array([900.0, -300.0])
+    model, state, w = (
+        response(some, DT, 5),
+        np.array([3.0, 40.0, -200.0, 10.0]),
+        np.array([900.0, -300.0]),
+    )
     at = np.arange(1, 6) / 5 * DT
     push = friction_response(some, DT / 5, 5)[:, 1:]
     for i in range(3):
@@ -151,9 +180,13 @@ def test_response_is_the_drive_integrated():
             return [v, loop * error + held - friction * v + torque, loop / integral * error]
 
         def integrated(start, torque, way):
-            return solve_ivp(rates, (0, DT), start, t_eval=at, args=(torque, way), rtol=1e-11, atol=1e-11).y[0]
+            return solve_ivp(
+                rates, (0, DT), start, t_eval=at, args=(torque, way), rtol=1e-11, atol=1e-11
+            ).y[0]
 
-        np.testing.assert_allclose(model.C[i] @ state + model.D[i] @ w, integrated(state[:3], 0.0, 1.0), rtol=1e-9)
+        np.testing.assert_allclose(
+            model.C[i] @ state + model.D[i] @ w, integrated(state[:3], 0.0, 1.0), rtol=1e-9
+        )
         np.testing.assert_allclose(push[i], integrated(np.zeros(3), 1.0, 0.0), rtol=1e-6)
 
 
@@ -176,7 +209,11 @@ def test_friction_that_turns_in_the_middle_is_its_response_from_there():
     instants = np.arange(1, 11) / 5
     friction = Friction(know, DT, 2, instants)
     heading = np.where(friction.places < 1.0, -1.0, 1.0)[:, None] * np.ones(3)
-    want = -2 * know.coulomb[:, None] * np.concatenate([np.zeros((3, 5)), friction_response(know, DT / 5, 5)[:, 1:]], 1)
+    want = (
+        -2
+        * know.coulomb[:, None]
+        * np.concatenate([np.zeros((3, 5)), friction_response(know, DT / 5, 5)[:, 1:]], 1)
+    )
     got = friction.respond(heading)
     # the place is known to half a stretch of 5 ms
     np.testing.assert_allclose(got, want, atol=0.12 * np.abs(want).max())
@@ -190,7 +227,9 @@ def problem(rng, scale=1.0):
 
 
 def test_without_limits_the_program_is_least_squares():
-    """Against the stacked least squares, by numpy; 1e-5 of hundreds of pulses is OSQP's own tolerance."""
+    """Against the stacked least squares, by numpy; 1e-5 of hundreds of pulses is OSQP's own
+    tolerance.
+    """
     rng = np.random.default_rng(1)
     horizon = Horizon(axes(), DT, 3, 0.05)
     for _ in range(5):
@@ -198,7 +237,9 @@ def test_without_limits_the_program_is_least_squares():
         got = horizon.best(state, wanted, guide)
         for i in range(3):
             rows = np.concatenate([horizon.driven[i], np.sqrt(0.05) * np.eye(6)])
-            right = np.concatenate([wanted[i] - horizon.free[i] @ state[i], np.sqrt(0.05) * guide[i]])
+            right = np.concatenate(
+                [wanted[i] - horizon.free[i] @ state[i], np.sqrt(0.05) * guide[i]]
+            )
             np.testing.assert_allclose(got[i], np.linalg.lstsq(rows, right)[0], atol=1e-4)
 
 
@@ -251,7 +292,9 @@ def test_predictive_follows_and_its_runs_do_not_know_each_other(rig, axis_motion
         np.testing.assert_array_equal(together.max_speed[b], alone.max_speed[0])
 
 
-@pytest.mark.parametrize(("wrong", "reason"), [({"weight": 0.0}, "above zero"), ({"horizon": 0}, "at least 1")])
+@pytest.mark.parametrize(
+    ("wrong", "reason"), [({"weight": 0.0}, "above zero"), ({"horizon": 0}, "at least 1")]
+)
 def test_predictive_refuses_what_has_no_meaning(wrong, reason):
     with pytest.raises(MotionError, match=reason):
         Predictive(**wrong)
@@ -279,22 +322,33 @@ def test_an_axis_too_fast_to_turn_before_a_step_brakes_within_it(speed):
 
 
 def test_every_state_and_scale_has_a_command_within_the_limits():
-    """A law that is asked for the best always answers: speeds, limits and weights over twelve decades."""
+    """A law that is asked for the best always answers: speeds, limits and weights over twelve
+    decades.
+    """
     rng = np.random.default_rng(7)
     for _ in range(60):
         step, size = 10 ** rng.uniform(-3, -0.7), 10 ** rng.uniform(0, 6)
         top, rate = size * 10 ** rng.uniform(-2, 2), size * 10 ** rng.uniform(-2, 3)
-        horizon = Horizon(axes(max_speed=[top] * 3, max_acceleration=[rate] * 3), step, 4, 10 ** rng.uniform(-4, 1))
+        horizon = Horizon(
+            axes(max_speed=[top] * 3, max_acceleration=[rate] * 3),
+            step,
+            4,
+            10 ** rng.uniform(-4, 1),
+        )
         for _ in range(4):
             state = rng.normal(size=(3, 4)) * size * [1, 5, 20, 1]
-            w = horizon.best(state, size * rng.normal(size=(3, 20)), size * step * rng.normal(size=(3, 8)))
+            w = horizon.best(
+                state, size * rng.normal(size=(3, 20)), size * step * rng.normal(size=(3, 8))
+            )
             jumps = np.diff(w, axis=1)
             assert np.abs(w).max() <= (top + rate * step) * step * (1 + 1e-9)
             assert np.abs(jumps).max() <= rate * step**2 * (1 + 1e-9)
 
 
 def test_predictive_runs_the_whole_sine_of_the_servo_rig():
-    """Its axes start at full speed at once, which the acceleration limit does not allow: they catch up and turn."""
+    """Its axes start at full speed at once, which the acceleration limit does not allow: they catch
+    up and turn.
+    """
     stated = load_rig("servo-rig")
     task = stated.task("sine")
     weight = np.array([[1e-3], [1e-2], [1e-1], [1.0]])

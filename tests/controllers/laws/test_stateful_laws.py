@@ -1,4 +1,6 @@
-"""Laws that remember: what the memory does is what the equations say, and no run finds that of another."""
+"""Laws that remember: what the memory does is what the equations say, and no run finds that of
+another.
+"""
 
 import sys
 from dataclasses import dataclass, replace
@@ -45,16 +47,21 @@ def final_error(rig, motion, law):
 
 
 def test_it_leaves_of_a_lag_what_the_leak_lets_through(rig, steady):
-    """At constant speed I = gain leak e, and the drive is K (r + I − x) = v: e = (v/K)/(1 + gain leak).
+    """At constant speed I = gain leak e, and the drive is K (r + I − x) = v: e = (v/K)/(1 + gain
+    leak).
 
     Half of the play is behind that, where an encoder at the motor does not see it.
     """
     play = np.array([drive.play / 2 for drive in rig.drives])
     bare = final_error(rig, steady, LeakyIntegral(gain=0.0)) - play
-    np.testing.assert_allclose(bare, SPEED / np.array([drive.position_gain for drive in rig.drives]), rtol=0.02)
+    np.testing.assert_allclose(
+        bare, SPEED / np.array([drive.position_gain for drive in rig.drives]), rtol=0.02
+    )
     for gain, leak in ((3.0, 0.5), (10.0, 0.3)):
         law = LeakyIntegral(gain=gain, leak=leak, most=1e6)
-        np.testing.assert_allclose(final_error(rig, steady, law) - play, bare / (1 + gain * leak), rtol=0.02)
+        np.testing.assert_allclose(
+            final_error(rig, steady, law) - play, bare / (1 + gain * leak), rtol=0.02
+        )
 
 
 def test_what_is_clamped_stays_so(rig, steady):
@@ -73,7 +80,9 @@ def test_the_same_run_twice_is_the_same(rig, steady):
 
 
 def test_runs_of_a_batch_have_memories_of_their_own(rig, steady):
-    """Gains of their own, and hosts that come to their steps at other times: each as it is alone."""
+    """Gains of their own, and hosts that come to their steps at other times: each as it is
+    alone.
+    """
     hosts = [rig.host, Host("sleep", 5e-3, 1e-3, seed=1), Host("sleep", 5e-3, 1e-3, seed=2)]
     rigs = [replace(rig, host=host) for host in hosts]
     reference = sample(steady, rig.machine, DT)
@@ -82,12 +91,16 @@ def test_runs_of_a_batch_have_memories_of_their_own(rig, steady):
     for b, (own, gain) in enumerate(zip(rigs, GAINS[:, 0], strict=True)):
         alone = simulate(reference, replace(law, gain=float(gain)), [own], period=1e-2)
         rows = min(len(alone.t), len(together.t))
-        np.testing.assert_allclose(together.actual[:rows, b], alone.actual[:rows, 0], rtol=1e-9, atol=1e-6)
+        np.testing.assert_allclose(
+            together.actual[:rows, b], alone.actual[:rows, 0], rtol=1e-9, atol=1e-6
+        )
 
 
 def test_it_runs_beside_laws_without_memory(rig, steady):
     laws = [find_law("3"), LeakyIntegral(gain=6.0), LeakyIntegral(gain=2.0)]
-    for law, found in zip(laws, track_each(steady, rig.machine, laws, rig=rig, period=1e-2), strict=True):
+    for law, found in zip(
+        laws, track_each(steady, rig.machine, laws, rig=rig, period=1e-2), strict=True
+    ):
         alone = track(steady, rig.machine, law, rig=rig, period=1e-2)
         np.testing.assert_allclose(found.actual, alone.actual, rtol=1e-12)
 
@@ -103,14 +116,19 @@ class Forgetful(LeakyIntegral):
         return self.first
 
     def step(self, k, reference, feedback, memory):
-        send = TAMove(reference.ang(k + 1), reference.npuls(k), reference.npuls(k + 1), reference.dt, 0.0)
+        send = TAMove(
+            reference.ang(k + 1), reference.npuls(k), reference.npuls(k + 1), reference.dt, 0.0
+        )
         return send if self.after is None else (send, self.after)
 
 
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"first": np.zeros((1, 3))}, r"begin must return a tuple of arrays \(1, 3\), runs and axes first"),
+        (
+            {"first": np.zeros((1, 3))},
+            r"begin must return a tuple of arrays \(1, 3\), runs and axes first",
+        ),
         ({"first": (np.zeros(2),)}, "begin must return a tuple of arrays"),
         ({"first": None}, "begin must return a tuple of arrays"),
         ({}, "step must return the command and the memory"),
@@ -139,7 +157,9 @@ def test_memory_written_in_place_is_of_the_step_alone():
 
 def test_progress_of_tracking_and_evaluating_is_told_to_the_end(rig, steady):
     told, errors = [], []
-    tracked = track(steady, rig.machine, "3", rig=rig, period=1e-2, progress=lambda *step: told.append(step))
+    tracked = track(
+        steady, rig.machine, "3", rig=rig, period=1e-2, progress=lambda *step: told.append(step)
+    )
     plain = track(steady, rig.machine, "3", rig=rig, period=1e-2)
     np.testing.assert_array_equal(tracked.actual, plain.actual)
     evaluate(tracked, steady, rig.machine, progress=lambda *step: errors.append(step))

@@ -24,7 +24,9 @@ TURN = np.linspace(0, 2 * np.pi, 721)
 
 
 def turn(radius, sense=1, offset=(0.0, 0.0), start=0.4):
-    """Points of a full turn in the circle's plane: radius(φ) about a centre that is off by `offset` there."""
+    """Points of a full turn in the circle's plane: radius(φ) about a centre that is off by `offset`
+    there.
+    """
     angle = start + sense * TURN
     r = radius(angle) if callable(radius) else radius
     flat = np.stack([offset[0] + r * np.cos(angle), offset[1] + r * np.sin(angle), 0 * angle], 1)
@@ -48,18 +50,25 @@ def test_a_shrunken_circle_is_round():
 
 
 def test_an_offset_circle_is_round_but_radially_off():
-    """F = ±e about the programmed centre, to e²/2R; G = 0 about its own, which is found, to the interpolation of r
-    between points half a degree apart: e (0.5°)²/8."""
+    """F = ±e about the programmed centre, to e²/2R; G = 0 about its own, which is found, to the
+    interpolation of r between points half a degree apart: e (0.5°)²/8.
+    """
     found = both(50e-3, offset=(30e-6, -40e-6))
     between = 50e-6 * np.deg2rad(0.5) ** 2 / 8
     assert found.ccw.circular < between
     assert np.linalg.norm(found.cw.centre) == pytest.approx(50e-6, abs=between)
-    assert found.ccw.radial_max == pytest.approx(50e-6, abs=(50e-6) ** 2 / 100e-3 + 50e-6 * (np.pi / 720) ** 2)
-    assert found.ccw.radial_min == pytest.approx(-50e-6, abs=(50e-6) ** 2 / 100e-3 + 50e-6 * (np.pi / 720) ** 2)
+    assert found.ccw.radial_max == pytest.approx(
+        50e-6, abs=(50e-6) ** 2 / 100e-3 + 50e-6 * (np.pi / 720) ** 2
+    )
+    assert found.ccw.radial_min == pytest.approx(
+        -50e-6, abs=(50e-6) ** 2 / 100e-3 + 50e-6 * (np.pi / 720) ** 2
+    )
 
 
 def test_an_oval_deviates_by_twice_its_amplitude():
-    """r = R + a cos 2φ: G = 2a, the samples hit the extremes to a (1°)²/2; D = 0 but for the point counted twice."""
+    """r = R + a cos 2φ: G = 2a, the samples hit the extremes to a (1°)²/2; D = 0 but for the point
+    counted twice.
+    """
     a = 8e-6
     found = both(lambda angle: 50e-3 + a * np.cos(2 * angle))
     coarse = a * np.deg2rad(1) ** 2
@@ -71,7 +80,9 @@ def test_an_oval_deviates_by_twice_its_amplitude():
 
 
 def test_two_directions_of_two_radii():
-    """As with play: each direction is round, together they are apart by the difference; D is the mean."""
+    """As with play: each direction is round, together they are apart by the difference; D is the
+    mean.
+    """
     found = circular_test(turn(50e-3 + 5e-6, 1), turn(50e-3 - 9e-6, -1), CIRCLE)
     assert max(found.ccw.circular, found.cw.circular) < 2 * ROUNDING
     assert found.both == pytest.approx(14e-6, abs=14e-6 / 700)
@@ -80,12 +91,15 @@ def test_two_directions_of_two_radii():
 
 @pytest.mark.parametrize("omega", [0.5, 3.0, 20.0])
 def test_equal_lags_change_the_radius_and_nothing_else(omega):
-    """x and y behind equal first-order lags T, in steady state: D = R (1/√(1 + (ωT)²) − 1) and G = 0."""
+    """x and y behind equal first-order lags T, in steady state: D = R (1/√(1 + (ωT)²) − 1) and G =
+    0.
+    """
     lag, radius = 1 / 30, 50e-3
     response = radius / (1 + 1j * omega * lag)
     turns = []
     for sense in (1, -1):
-        # the slower the lag turns the point, the later it comes to the same place: a full turn it is all the same
+        # the slower the lag turns the point, the later it comes to the same place: a full turn it
+        # is all the same
         z = response * np.exp(1j * TURN)
         turns.append(CENTRE + TILT.apply(np.stack([z.real, sense * z.imag, 0 * TURN], 1)))
     found = circular_test(*turns, CIRCLE)
@@ -96,11 +110,15 @@ def test_equal_lags_change_the_radius_and_nothing_else(omega):
 
 
 def test_the_least_squares_centre_is_stationary():
-    """At the minimum of Σ(‖p − c‖ − ρ)² its gradient by c and ρ vanishes: an independent check of the fit."""
+    """At the minimum of Σ(‖p − c‖ − ρ)² its gradient by c and ρ vanishes: an independent check of
+    the fit.
+    """
     random = np.random.default_rng(3)
     points = turn(lambda angle: 50e-3 + 1e-6 * random.normal(size=len(angle)), offset=(2e-6, 1e-6))
     found = circular_test(points, points[::-1], CIRCLE).ccw
-    flat = np.stack([np.cos(found.angle), np.sin(found.angle)], 1) * (50e-3 + found.deviation)[:, None]
+    flat = (
+        np.stack([np.cos(found.angle), np.sin(found.angle)], 1) * (50e-3 + found.deviation)[:, None]
+    )
     away = flat - found.centre
     r = np.linalg.norm(away, axis=1)
     misfit = r - found.radius
@@ -123,7 +141,9 @@ def test_figure_says_how_much_it_magnifies():
 
 
 def test_a_record_is_resampled_by_angle():
-    """A lap and a half that starts slowly, shakes and rests: what counts is the first turn, evenly."""
+    """A lap and a half that starts slowly, shakes and rests: what counts is the first turn,
+    evenly.
+    """
     u = np.concatenate([np.linspace(0, 1, 4000) ** 2 * 3 * np.pi, np.full(1000, 3 * np.pi)])
     shaking = u + 1e-3 * np.sin(40 * u)
     for sense in (1, -1):
@@ -137,7 +157,9 @@ def test_a_record_is_resampled_by_angle():
         turned = 0.4 - np.arctan2(found[0, 1], found[0, 0])
         where = np.arctan2(found[:, 1], found[:, 0]) + turned
         # linear between samples 5 mrad apart: 4 a (5e-3)²/8
-        np.testing.assert_allclose(np.linalg.norm(found, axis=1) - 50e-3, 8e-6 * np.cos(2 * where), atol=1.5e-10)
+        np.testing.assert_allclose(
+            np.linalg.norm(found, axis=1) - 50e-3, 8e-6 * np.cos(2 * where), atol=1.5e-10
+        )
         np.testing.assert_allclose(np.diff(np.unwrap(where)), sense * 2 * np.pi / 720, rtol=1e-9)
 
 
@@ -158,8 +180,8 @@ class Round:
 
 
 def test_the_rig_shrinks_a_circle_by_the_gain_of_its_loops(rig):
-    """Two equal servos behind the card: D = R (|G(jω)| − 1), with the loop's table
-    G = K ωs (s + 1/T)/(s³ + (ωs + b) s² + (ωs/T) s + K ωs (s + 1/T)), b = 5 1/s, to a pulse of card and encoder;
+    """Two equal servos behind the card: D = R (|G(jω)| − 1), with the loop's table G = K ωs (s +
+    1/T)/(s³ + (ωs + b) s² + (ωs/T) s + K ωs (s + 1/T)), b = 5 1/s, to a pulse of card and encoder;
     G, the circular deviation, is pulses: play, friction and unequal loops are not there.
     """
     omega, turns = np.pi, []
@@ -167,7 +189,9 @@ def test_the_rig_shrinks_a_circle_by_the_gain_of_its_loops(rig):
     for sense in (1, -1):
         motion = Round(rig.home_q, sense * omega)
         runs = simulate(sample(motion, rig, 5e-3), OpenPosition(), [assumed_rig(rig)], settle=0.0)
-        found = evaluate_runs(runs, Task("circle", motion, 5e-3), [assumed_rig(rig)], period=1e-3)[0]
+        found = evaluate_runs(runs, Task("circle", motion, 5e-3), [assumed_rig(rig)], period=1e-3)[
+            0
+        ]
         # a turn to forget the start, and the next one
         turns.append(found.attained[found.t > 1.5])
     s, ws, integral = 1j * omega, 2 * np.pi * servo.speed_loop, 1 / servo.integral_time

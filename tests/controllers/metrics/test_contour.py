@@ -40,7 +40,9 @@ class Polygon:
 
     @property
     def breaks(self):
-        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=1))])
+        return np.concatenate(
+            [[0.0], np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=1))]
+        )
 
     def at(self, s, piece):
         side = np.diff(self.points, axis=0)
@@ -65,7 +67,8 @@ def test_radial_offset_of_a_circle_is_the_contour_error(offset):
     # planned a millimetre further on, or the tracking error would be the answer already
     result = contour_error(along(Circle(), s)[0] * (1 + offset), s + 1e-3, Circle())
     np.testing.assert_allclose(result.error, abs(offset) * RADIUS, rtol=1e-11, atol=ROUNDING)
-    # the distance is flat about s*: its rounding of 1e-18 leaves the root of that, more towards the centre of curvature
+    # the distance is flat about s*: its rounding of 1e-18 leaves the root of that, more towards the
+    # centre of curvature
     np.testing.assert_allclose(result.s, s, atol=1e-7)
 
 
@@ -75,7 +78,9 @@ def test_pure_lag_along_a_line_is_no_contour_error():
     y = along(LINE, lagging)[0]
     result = contour_error(y, s, LINE)
     assert result.error.max() < ROUNDING
-    np.testing.assert_allclose(np.linalg.norm(y - along(LINE, s)[0], axis=1), s - lagging, atol=ROUNDING)
+    np.testing.assert_allclose(
+        np.linalg.norm(y - along(LINE, s)[0], axis=1), s - lagging, atol=ROUNDING
+    )
     np.testing.assert_allclose(result.s, lagging, atol=ROUNDING)
 
 
@@ -86,7 +91,9 @@ def test_lag_along_a_circle_is_no_contour_error():
 
 
 def test_equal_lags_on_a_circle_change_its_radius():
-    """x and y behind first-order lags T at rate ω, in steady state: D = R (1/√(1 + (ωT)²) − 1), everywhere alike."""
+    """x and y behind first-order lags T at rate ω, in steady state: D = R (1/√(1 + (ωT)²) − 1),
+    everywhere alike.
+    """
     omega, lag = 8.0, 1 / 30
     t = np.linspace(2 * np.pi / omega, 3 * np.pi / omega, 300)
     # the exact response to R e^{jωt} is R e^{jωt}/(1 + jωT)
@@ -99,11 +106,15 @@ def test_equal_lags_on_a_circle_change_its_radius():
 
 
 def test_cut_corner():
-    """A point that cuts the corner at 45°: its distance to the nearer leg, which changes at the bisector."""
+    """A point that cuts the corner at 45°: its distance to the nearer leg, which changes at the
+    bisector.
+    """
     cut = np.linspace(0, 1, 301)
     y = np.array([0.03, 0, 0]) + np.outer(cut, [0.01, 0.01, 0])
     s = 0.03 + 0.02 * cut
-    np.testing.assert_allclose(contour_error(y, s, CORNER).error, 0.01 * np.minimum(cut, 1 - cut), atol=ROUNDING)
+    np.testing.assert_allclose(
+        contour_error(y, s, CORNER).error, 0.01 * np.minimum(cut, 1 - cut), atol=ROUNDING
+    )
 
 
 def test_round_the_outside_of_a_corner_the_corner_is_nearest():
@@ -125,7 +136,9 @@ def test_path_that_runs_back_over_itself_is_followed_in_order():
 
 
 def test_path_parameter_only_grows():
-    """A motion that shakes along the path: where it comes back, s* waits, and the error is that to r(t) at most."""
+    """A motion that shakes along the path: where it comes back, s* waits, and the error is that to
+    r(t) at most.
+    """
     t = np.linspace(0, 1, 1000)
     s = 0.1 * t
     y = along(LINE, np.clip(s + 2e-3 * np.sin(60 * t), 0, 0.1))[0]
@@ -163,7 +176,9 @@ def test_one_point_against_an_exhaustive_search(error, share, curve):
 
 
 def test_path_curve_is_the_planned_path_and_its_slope(circle_trip):
-    """r as the path has it; r′ by central differences (step h = 1 µm: truncation h²/6R² = 1e-9, rounding 1e-16/h)."""
+    """r as the path has it; r′ by central differences (step h = 1 µm: truncation h²/6R² = 1e-9,
+    rounding 1e-16/h).
+    """
     path, h = circle_trip.path, 1e-6
     curve = PathCurve(path)
     ends = zip(path.breaks[:-1], path.breaks[1:], strict=True)
@@ -177,7 +192,9 @@ def test_path_curve_is_the_planned_path_and_its_slope(circle_trip):
 
 @dataclass(frozen=True)
 class Swing:
-    """Two axes along a line, or round a part of a circle, and back within 3 s: a motion without a path."""
+    """Two axes along a line, or round a part of a circle, and back within 3 s: a motion without a
+    path.
+    """
 
     bend: float
     knots = np.array([0.0, 3.0])
@@ -188,15 +205,17 @@ class Swing:
         if not self.bend:
             return SimpleNamespace(q=np.stack([a, a], 1), qd=np.stack([rate, rate], 1))
         c, d = np.cos(self.bend * a), np.sin(self.bend * a)
-        return SimpleNamespace(q=np.stack([d, 1 - c], 1) / self.bend, qd=rate[:, None] * np.stack([c, d], 1))
+        return SimpleNamespace(
+            q=np.stack([d, 1 - c], 1) / self.bend, qd=rate[:, None] * np.stack([c, d], 1)
+        )
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.7])
 def test_axes_are_followed_there_and_back(bend):
     """A lag of 60 ms behind axes that turn back in the middle of a smooth piece.
 
-    On the bent way the polyline tells there from back when they are twice its sagitta of 1e-5 of the extent apart:
-    until then s* may wait at the turn, at a point nearer than that.
+    On the bent way the polyline tells there from back when they are twice its sagitta of 1e-5 of
+    the extent apart: until then s* may wait at the turn, at a point nearer than that.
     """
     curve, t = MotionCurve(Swing(bend)), np.linspace(0, 3, 700)
     np.testing.assert_allclose(curve.breaks, [0, 1.5, 3], rtol=1e-15)
@@ -210,7 +229,8 @@ def test_axes_are_followed_there_and_back(bend):
 
 @settings(max_examples=25)
 @given(
-    arrays(np.float64, (12, 7, 3), elements=st.floats(-5e-3, 5e-3)), st.sampled_from([Circle(), LINE, CORNER, RETRACE])
+    arrays(np.float64, (12, 7, 3), elements=st.floats(-5e-3, 5e-3)),
+    st.sampled_from([Circle(), LINE, CORNER, RETRACE]),
 )
 def test_runs_of_a_batch_do_not_know_of_each_other(error, curve):
     s = np.linspace(0, 0.8 * curve.breaks[-1], len(error))

@@ -22,12 +22,25 @@ def tracked(circle_trip, hexapod):
 
 
 def as_if(trajectory, machine, moved):
-    """A tracking in which the platform is at moved(planned pose) instead of the planned pose, exactly."""
+    """A tracking in which the platform is at moved(planned pose) instead of the planned pose,
+    exactly.
+    """
     t = np.linspace(0, trajectory.duration, 400)
     state = trajectory.at(t)
     actual = machine.inverse(moved(state.pose))
     axes = tuple((axis.name, axis.unit) for axis in machine.axes)
-    return Tracking("as if", 5e-3, t, state.q, state.q, actual, np.zeros(6, int), axes, "as if", np.zeros(6, int))
+    return Tracking(
+        "as if",
+        5e-3,
+        t,
+        state.q,
+        state.q,
+        actual,
+        np.zeros(6, int),
+        axes,
+        "as if",
+        np.zeros(6, int),
+    )
 
 
 def test_no_error_where_there_is_none(circle_trip, hexapod):
@@ -37,7 +50,9 @@ def test_no_error_where_there_is_none(circle_trip, hexapod):
 
 
 def test_a_shifted_platform_is_off_by_the_shift(circle_trip, hexapod):
-    """30 µm up: tracking and contour error on the horizontal pieces; no contour error along the first, vertical one."""
+    """30 µm up: tracking and contour error on the horizontal pieces; no contour error along the
+    first, vertical one.
+    """
     shift = RigidTransform.from_translation([0, 0, 30e-6])
     metrics = evaluate(as_if(circle_trip, hexapod, lambda pose: shift * pose), circle_trip, hexapod)
     np.testing.assert_allclose(metrics.tracking.value, 30e-6, rtol=1e-8)
@@ -58,10 +73,12 @@ def test_a_turned_platform_is_off_by_the_angle(circle_trip, hexapod):
 
 
 def test_the_circle_shrinks_by_the_gain_of_the_loops(circle_trip, hexapod, tracked):
-    """In the steady part of the arc the legs follow with the loop's gain |G(jω)| at ω = v/R, and the radius with them.
+    """In the steady part of the arc the legs follow with the loop's gain |G(jω)| at ω = v/R, and
+    the radius with them.
 
-    Small strokes are near linear in the legs, so the figure holds to a tenth of the change; the table of the loop is
-    G = K ωs (s + 1/T) / (s³ + ωs s² + (ωs/T) s + K ωs (s + 1/T)) for small friction.
+    Small strokes are near linear in the legs, so the figure holds to a tenth of the change; the
+    table of the loop is G = K ωs (s + 1/T) / (s³ + ωs s² + (ωs/T) s + K ωs (s + 1/T)) for small
+    friction.
     """
     servo = leg_servo(hexapod.axes[0])
     omega, radius = 20e-3 / 15e-3, 15e-3
@@ -102,7 +119,9 @@ def test_figures_of_a_known_series():
     series = ErrorSeries("x", "m", -np.linspace(0, 1, 1001), Place(0.0))
     assert series.max == 1
     assert series.p95 == pytest.approx(0.95)
-    assert series.rms == pytest.approx(np.sqrt(np.sum(np.arange(1001.0) ** 2) / 1001) / 1000, rel=1e-12)
+    assert series.rms == pytest.approx(
+        np.sqrt(np.sum(np.arange(1001.0) ** 2) / 1001) / 1000, rel=1e-12
+    )
 
 
 def test_table_shows_every_error(circle_trip, hexapod, tracked):
@@ -121,7 +140,9 @@ def test_table_shows_every_error(circle_trip, hexapod, tracked):
 
 def test_without_a_path_in_space_errors_are_those_of_the_axes(hexapod, tracked):
     """All six legs planned at 1 m throughout: their distance is the norm of their errors."""
-    path = PolynomialPath(np.array([0.0, 1.0]), np.ones((1, 1, 6)), [axis.name for axis in hexapod.axes])
+    path = PolynomialPath(
+        np.array([0.0, 1.0]), np.ones((1, 1, 6)), [axis.name for axis in hexapod.axes]
+    )
     none = np.zeros(1)
     bare = Trajectory(path, np.array([0.0, 1.0]), none, none, none, none, np.zeros(1, int))
     metrics = evaluate(tracked, bare, hexapod)

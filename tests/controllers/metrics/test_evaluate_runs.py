@@ -1,4 +1,6 @@
-"""Batches: the same as one by one, the same as the proved poses, and what happens where a pose is not known."""
+"""Batches: the same as one by one, the same as the proved poses, and what happens where a pose is
+not known.
+"""
 
 from dataclasses import fields, replace
 
@@ -18,20 +20,31 @@ ENDS = 1e-12
 
 @pytest.fixture(scope="module")
 def rig():
-    """With speeds that are not rounded: the card's slowest brings the last of a law's rounding home at once."""
+    """With speeds that are not rounded: the card's slowest brings the last of a law's rounding home
+    at once.
+    """
     stated = load_rig("servo-rig")
     return replace(stated, card=PCI_8164)
 
 
 def cycles(rig, task, law, hosts):
     rigs = [replace(rig, host=host) for host in hosts]
-    return simulate(sample(task.motion, rig.machine, task.dt), law, rigs, settle=SETTLE, period=1e-3), rigs
+    return simulate(
+        sample(task.motion, rig.machine, task.dt), law, rigs, settle=SETTLE, period=1e-3
+    ), rigs
 
 
 @pytest.fixture(scope="module")
 def sleeping(rig):
-    """Five cycles of the thesis' reference whose hosts sleep, so that each ends at a time of its own."""
-    return cycles(rig, rig.task("line"), find_law("3"), [Host("sleep", 1 / 64, 1e-3, seed) for seed in range(5)])
+    """Five cycles of the thesis' reference whose hosts sleep, so that each ends at a time of its
+    own.
+    """
+    return cycles(
+        rig,
+        rig.task("line"),
+        find_law("3"),
+        [Host("sleep", 1 / 64, 1e-3, seed) for seed in range(5)],
+    )
 
 
 def swing(rig):
@@ -58,7 +71,9 @@ def alone(runs, b):
 def test_a_batch_is_its_runs_one_by_one(rig, sleeping, name):
     task = swing(rig) if name == "swing" else rig.task(name)
     gains = np.array([0.2, 0.6, 0.9])[:, None]
-    runs, rigs = sleeping if name == "line" else cycles(rig, task, find_law("6", gain=gains), [rig.host] * 3)
+    runs, rigs = (
+        sleeping if name == "line" else cycles(rig, task, find_law("6", gain=gains), [rig.host] * 3)
+    )
     together = evaluate_runs(runs, task, rigs)
     assert len(together) == len(rigs)
     for b, found in enumerate(together):
@@ -83,7 +98,9 @@ def test_figures_are_those_that_are_stated(rig, sleeping):
 
 
 def test_a_late_host_is_late(rig, sleeping):
-    """Each run ends later by what its host slept too long, to a step: the last one brings the axes into the band."""
+    """Each run ends later by what its host slept too long, to a step: the last one brings the axes
+    into the band.
+    """
     runs, rigs = sleeping
     found = evaluate_runs(runs, rig.task("line"), rigs)
     counted, own = cycles(rig, rig.task("line"), find_law("3"), [rig.host])
@@ -101,7 +118,9 @@ def test_poses_that_are_not_proved_are_those_that_are(circle_trip, hexapod, law)
     runs = simulate(sample(circle_trip, hexapod, task.dt), law, [rig] * 2, settle=SETTLE)
     q = hexapod.home_q + runs.actual[:, 1] * [axis.pulse for axis in hexapod.axes]
     planned = circle_trip.at(np.minimum(runs.t, circle_trip.duration)).q
-    alone = Tracking(law.name, task.dt, runs.t, planned, q, q, runs.pulses[1], (), rig.name, runs.lost[1])
+    alone = Tracking(
+        law.name, task.dt, runs.t, planned, q, q, runs.pulses[1], (), rig.name, runs.lost[1]
+    )
     proved = evaluate(alone, circle_trip, hexapod)
     found = evaluate_runs(runs, task, [rig] * 2, period=1e-3)[1]
     for ours, theirs in zip(found.series, proved.series, strict=True):
@@ -113,12 +132,16 @@ def test_poses_that_are_not_proved_are_those_that_are(circle_trip, hexapod, law)
 
 def test_a_run_that_is_lost_leaves_the_others_alone(circle_trip, hexapod, law):
     rig, task = assumed_rig(hexapod), Task("trip", circle_trip, 5e-3)
-    runs = simulate(sample(circle_trip, hexapod, task.dt), law, [rig] * 3, settle=SETTLE, period=5e-3)
+    runs = simulate(
+        sample(circle_trip, hexapod, task.dt), law, [rig] * 3, settle=SETTLE, period=5e-3
+    )
     torn = np.array(runs.actual)
     torn[900:, 1, 0] += 0.5 / hexapod.axes[0].pulse
     found = evaluate_runs(replace(runs, actual=torn), task, [rig] * 3)
     figures = found[1].figures()
-    assert np.isnan([figures[name] for name in ("contour_rms", "tracking_max", "lag_rms", "orientation_rms")]).all()
+    assert np.isnan(
+        [figures[name] for name in ("contour_rms", "tracking_max", "lag_rms", "orientation_rms")]
+    ).all()
     assert figures["following_max"] > 0.4
     assert figures["end_time"] == np.inf
     assert found[0].figures() == pytest.approx(found[2].figures(), rel=ENDS, nan_ok=True)

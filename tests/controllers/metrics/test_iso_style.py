@@ -31,7 +31,9 @@ SHIFTS = np.array([[0, 3e-6, 1e-6], [0, 1e-6, 1e-6], [0, 2e-6, 4e-6], [0, 2e-6, 
 
 
 def test_parallel_cycles():
-    """All stations alike: AT = ‖mean shift‖ = √(2² + 1²) µm; RT of the four distances 1, 1, 3, 3 µm: 2 + 3 · 2/√3."""
+    """All stations alike: AT = ‖mean shift‖ = √(2² + 1²) µm; RT of the four distances 1, 1, 3, 3
+    µm: 2 + 3 · 2/√3.
+    """
     found = path_accuracy(cycles(SHIFTS), along_x())
     np.testing.assert_allclose(found.offset, np.sqrt(5) * 1e-6, rtol=1e-9)
     np.testing.assert_allclose(found.band, (2 + 6 / np.sqrt(3)) * 1e-6, rtol=1e-9)
@@ -51,11 +53,15 @@ def test_a_way_back_is_not_taken_for_the_way_there():
     found = path_accuracy(np.concatenate([out, back]), along_x())
     assert found.at_p == pytest.approx(np.sqrt(5) * 1e-6, rel=1e-9)
     there = Stations(along_x().points, -along_x().tangents)
-    assert path_accuracy(np.concatenate([out, back]), there).at_p == pytest.approx(np.hypot(52e-6, 1e-6), rel=1e-9)
+    assert path_accuracy(np.concatenate([out, back]), there).at_p == pytest.approx(
+        np.hypot(52e-6, 1e-6), rel=1e-9
+    )
 
 
 def test_angles_are_about_the_commanded_axes():
-    """Turned by ±4 and ±2 mrad about z, 1 mrad about x on average: AT 1, 0, 0; RT 3 S, S² = (2·16 + 2·4)/3."""
+    """Turned by ±4 and ±2 mrad about z, 1 mrad about x on average: AT 1, 0, 0; RT 3 S, S² = (2·16 +
+    2·4)/3.
+    """
     turns = np.array([[1, 0, 4], [1, 0, -4], [1, 0, 2], [1, 0, -2]]) * 1e-3
     rotations = np.tile(Rotation.from_rotvec(turns).as_matrix(), (60, 1, 1, 1))
     figures = path_accuracy(cycles(SHIFTS), along_x(), rotations).figures()

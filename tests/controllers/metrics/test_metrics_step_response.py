@@ -17,7 +17,9 @@ def ending(actual, planned=None, duration=0.0, band=10.0):
 
 
 def test_a_first_order_step_settles_logarithmically():
-    """1 − e^(−t/T) is within the band from T ln(step/band) on, to a sample; it never goes beyond."""
+    """1 − e^(−t/T) is within the band from T ln(step/band) on, to a sample; it never goes
+    beyond.
+    """
     found = ending(STEP * (1 - np.exp(-T / 0.05)))
     assert found.end_time == pytest.approx(0.05 * np.log(STEP / 10), abs=SAMPLE)
     assert found.late == found.settling[0] == found.end_time
@@ -26,8 +28,10 @@ def test_a_first_order_step_settles_logarithmically():
 
 @pytest.mark.parametrize("zeta", [0.2, 0.5, 0.8])
 def test_a_second_order_step_overshoots_by_its_damping(zeta):
-    """e^(−πζ/√(1 − ζ²)) of the step; the samples miss the peak by ω²(h/2)²/2 of it at most. The last crossing of the
-    band is looked for in a thousand times finer samples."""
+    """e^(−πζ/√(1 − ζ²)) of the step; the samples miss the peak by ω²(h/2)²/2 of it at most.
+
+    The last crossing of the band is looked for in a thousand times finer samples.
+    """
     omega = 30.0
     damped = omega * np.sqrt(1 - zeta**2)
 
@@ -67,7 +71,9 @@ def test_a_motion_may_be_there_before_its_planned_end():
 
 
 def test_going_there_and_back_is_no_overshoot():
-    """Planned out to 1000 and back to 0 within 2 s, followed 50 ms late, and 7 pulses too far in the end."""
+    """Planned out to 1000 and back to 0 within 2 s, followed 50 ms late, and 7 pulses too far in
+    the end.
+    """
     planned = STEP * np.maximum(1 - np.abs(np.minimum(T, 2.0) - 1), 0)
     late = np.interp(T - 0.05, T, planned)
     beyond = np.where(T > 2.05, -7.0 * np.sin(np.pi * np.minimum((T - 2.05) / 0.1, 1.0)), 0.0)
@@ -80,5 +86,7 @@ def test_the_slowest_axis_tells_the_end():
     slow, fast = (STEP * (1 - np.exp(-T / of)) for of in (0.1, 0.02))
     actual = np.stack([fast, slow], 1)[:, None]
     found = endings(T, actual, np.full((len(T), 2), STEP), 0.0, np.ones(2))[0]
-    np.testing.assert_allclose(found.settling, np.array([0.02, 0.1]) * np.log(STEP / 10), atol=SAMPLE)
+    np.testing.assert_allclose(
+        found.settling, np.array([0.02, 0.1]) * np.log(STEP / 10), atol=SAMPLE
+    )
     assert found.end_time == found.settling[1]

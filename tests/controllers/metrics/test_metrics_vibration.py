@@ -21,7 +21,9 @@ def vibration(error, planned=None, t=T):
 
 @pytest.mark.parametrize("frequency", [200.0, 230.3, 611.17, 1500.0])
 def test_a_tone_above_the_sample_rate_has_half_its_square(frequency):
-    """A²/2; the window's lobe about zero adds what its side lobes reach at twice the frequency: below 1e-9."""
+    """A²/2; the window's lobe about zero adds what its side lobes reach at twice the frequency:
+    below 1e-9.
+    """
     found = vibration(tone(frequency))
     assert found.above == 200.0
     assert found.power[0] == pytest.approx((30e-6) ** 2 / 2, rel=1e-8)
@@ -45,7 +47,9 @@ def test_neither_an_offset_nor_the_plan_is_vibration():
 
 @pytest.mark.parametrize("frequency", [5.0, 60.0, 400.0])
 def test_jerk_of_a_tone(frequency):
-    """A ω³/√2, seen through third differences by (sin(x)/x)³, x = π f h; whole periods, but for 3 samples."""
+    """A ω³/√2, seen through third differences by (sin(x)/x)³, x = π f h; whole periods, but for 3
+    samples.
+    """
     omega, x = 2 * np.pi * frequency, np.pi * frequency * SAMPLE
     expected = 30e-6 * omega**3 / np.sqrt(2) * (np.sin(x) / x) ** 3
     assert vibration(tone(frequency)).jerk_rms[0] == pytest.approx(expected, rel=2 * 3 / len(T))

@@ -41,7 +41,9 @@ def check(machine, q, modes):
 def dietmaier(published):
     data = published["dietmaier"]
     home = RigidTransform.from_translation(data["one_position"])
-    return Hexapod(data["base"], data["platform"], axes=[Axis(leg) for leg in LEGS], home=home), data
+    return Hexapod(
+        data["base"], data["platform"], axes=[Axis(leg) for leg in LEGS], home=home
+    ), data
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -64,7 +66,9 @@ def test_seeds_agree(dietmaier):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_newton_from_anywhere_finds_no_other(seed):
-    """1000 starts over all orientations and the whole reach of a leg; and the pose whose lengths they are is listed."""
+    """1000 starts over all orientations and the whole reach of a leg; and the pose whose lengths
+    they are is listed.
+    """
     machine = random_machine(seed)
     q, modes = machine.home_q, machine.assembly_modes(machine.home_q)
     check(machine, q, modes)
@@ -73,7 +77,9 @@ def test_newton_from_anywhere_finds_no_other(seed):
     turns = Rotation.random(1000, rng=random)
     along = random.normal(size=(1000, 3))
     along *= q[0] / np.linalg.norm(along, axis=1)[:, None]
-    starts = RigidTransform.from_components(machine.base[0] + along - turns.apply(np.array(machine.platform[0])), turns)
+    starts = RigidTransform.from_components(
+        machine.base[0] + along - turns.apply(np.array(machine.platform[0])), turns
+    )
     found = machine.forward(np.tile(q, (1000, 1)), starts)
     others = found.pose[found.residual < 1e-12]
     assert len(others) > 200
@@ -82,7 +88,9 @@ def test_newton_from_anywhere_finds_no_other(seed):
 
 
 def test_a_generic_machine_has_forty_complex_solutions():
-    """Each solves the equations of the legs, written out anew, and its complex conjugate solves those of a real one."""
+    """Each solves the equations of the legs, written out anew, and its complex conjugate solves
+    those of a real one.
+    """
     legs, y = solve_generic(0)
     assert len(y) == GENERIC_SOLUTIONS == 40
     machine = random_machine(7)
@@ -103,7 +111,9 @@ def test_a_generic_machine_has_forty_complex_solutions():
         )
         rotation = np.moveaxis(rotation, 2, 0) / square[:, None, None]
         # the vector part of h e*, by the rules of quaternions
-        position = (w[:, None] * h[:, :3] - h[:, 3:] * e[:, :3] - np.cross(h[:, :3], e[:, :3])) / square[:, None]
+        position = (
+            w[:, None] * h[:, :3] - h[:, 3:] * e[:, :3] - np.cross(h[:, :3], e[:, :3])
+        ) / square[:, None]
         legs_of = position[:, None] + theta.a[0] @ rotation.swapaxes(1, 2) - theta.b[0]
         squares = (theta.a[0] ** 2).sum(1) + (theta.b[0] ** 2).sum(1) - theta.c[0]
         off = np.abs((legs_of**2).sum(2) - squares)
@@ -136,7 +146,9 @@ def test_of_every_hexapod_the_pose_is_listed(any_hexapod, poses_about):
         q = any_hexapod.inverse(pose)
         modes = any_hexapod.assembly_modes(q)
         check(any_hexapod, q, modes)
-        assert apart(modes, RigidTransform.concatenate([pose])).min() < SAME * max(1, any_hexapod.home_q.max())
+        assert apart(modes, RigidTransform.concatenate([pose])).min() < SAME * max(
+            1, any_hexapod.home_q.max()
+        )
 
 
 def test_a_singular_pose_is_listed(preset):
@@ -152,7 +164,11 @@ def test_lengths_that_no_pose_has_give_none(preset):
     assert len(preset.assembly_modes([0.2, 0.2, 0.2, 0.2, 0.2, 1.5])) == 0
 
 
-@pytest.mark.parametrize("q", [[0.2] * 5, [0.2] * 5 + [np.nan], [0.2] * 5 + [0.0], np.full((2, 6), 0.2)])
+@pytest.mark.parametrize(
+    "q", [[0.2] * 5, [0.2] * 5 + [np.nan], [0.2] * 5 + [0.0], np.full((2, 6), 0.2)]
+)
 def test_what_are_no_lengths_is_refused(preset, q):
-    with pytest.raises(MotionError, match=r"lengths of its legs must be finite numbers \(6,\) in m above 0"):
+    with pytest.raises(
+        MotionError, match=r"lengths of its legs must be finite numbers \(6,\) in m above 0"
+    ):
         preset.assembly_modes(q)

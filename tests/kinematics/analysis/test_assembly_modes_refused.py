@@ -1,4 +1,6 @@
-"""Assembly modes: poses of the same lengths; a certified answer is the one that the legs really lead to."""
+"""Assembly modes: poses of the same lengths; a certified answer is the one that the legs really
+lead to.
+"""
 
 import numpy as np
 import pytest
@@ -8,15 +10,21 @@ from kinematics import Axis, Hexapod
 from kinematics.analysis.singularity import prove_regular
 
 STEPS = 300
-"""Of a continuation: its poses then differ by less than 1 % of the machine's size, and Newton keeps to its branch."""
+"""Of a continuation: its poses then differ by less than 1 % of the machine's size, and Newton keeps
+to its branch.
+"""
 
 
 SAME = 1e-9
-"""m and rad: lengths good to 1e-15, through least singular values of 1e-6 and more; modes are 0.1 apart at least."""
+"""m and rad: lengths good to 1e-15, through least singular values of 1e-6 and more; modes are 0.1
+apart at least.
+"""
 
 
 def lengths_at(machine, position, rotation):
-    """Lengths (N, 6) and their slope (N, 6, 6) along a twist about the platform's origin, by numpy alone."""
+    """Lengths (N, 6) and their slope (N, 6, 6) along a twist about the platform's origin, by numpy
+    alone.
+    """
     arms = machine.platform @ rotation.swapaxes(1, 2)
     legs = position[:, None] + arms - machine.base
     lengths = np.linalg.norm(legs, axis=2)
@@ -25,7 +33,9 @@ def lengths_at(machine, position, rotation):
 
 
 def followed(machine, start, lengths):
-    """The poses (N) that machines reach from `start` whose legs go through `lengths` (steps, N, 6): Newton at each."""
+    """The poses (N) that machines reach from `start` whose legs go through `lengths` (steps, N, 6):
+    Newton at each.
+    """
     position, rotation = start.translation, start.rotation.as_matrix()
     for wanted in [*lengths, *lengths[-1:] * 4]:
         for _ in range(2):
@@ -44,7 +54,9 @@ def lengths_along(machine, start, end):
     shift = end.translation - start.translation
     return [
         lengths_at(
-            machine, start.translation + u * shift, (start.rotation * Rotation.from_rotvec(u * turn)).as_matrix()
+            machine,
+            start.translation + u * shift,
+            (start.rotation * Rotation.from_rotvec(u * turn)).as_matrix(),
         )[0]
         for u in np.linspace(0, 1, STEPS + 1)[1:]
     ]
@@ -57,7 +69,9 @@ def apart(found, expected):
 
 
 def mirrored(pose, base=0.0115, platform=-0.011):
-    """The image of the preset's platform below the plane of its base joints: the same leg lengths."""
+    """The image of the preset's platform below the plane of its base joints: the same leg
+    lengths.
+    """
     mirror = np.diag([1.0, 1.0, -1.0])
     rotation = pose.rotation.as_matrix()
     centre = pose.apply(np.array([0, 0, platform]))  # of the platform's joints
@@ -67,7 +81,9 @@ def mirrored(pose, base=0.0115, platform=-0.011):
 
 
 def test_near_chooses_the_assembly_mode(preset, poses_about, distance):
-    """The platform above its base and its image below share their leg lengths; each is found from its own side."""
+    """The platform above its base and its image below share their leg lengths; each is found from
+    its own side.
+    """
     above = poses_about(preset.home, preset, 50, 0.2)
     below = RigidTransform.concatenate([mirrored(pose) for pose in above])
     q = preset.inverse(above)
@@ -79,17 +95,23 @@ def test_near_chooses_the_assembly_mode(preset, poses_about, distance):
 
 
 def test_the_image_below_the_base_is_never_certified_from_above(preset, poses_about):
-    """Reflection turns the sign of det J round, so every motion between the two crosses a singularity."""
+    """Reflection turns the sign of det J round, so every motion between the two crosses a
+    singularity.
+    """
     above, other = (poses_about(preset.home, preset, 100, 0.3, seed) for seed in (1, 2))
     below = RigidTransform.concatenate([mirrored(pose) for pose in other])
     assert not prove_regular(preset, above, below).any()
     assert not prove_regular(preset, below, above).any()
     assert prove_regular(preset, above, other).all()
-    assert prove_regular(preset, below, RigidTransform.concatenate([mirrored(pose) for pose in above])).all()
+    assert prove_regular(
+        preset, below, RigidTransform.concatenate([mirrored(pose) for pose in above])
+    ).all()
 
 
 def test_inside_the_travel_legs_lead_to_the_answer_on_their_own_straight_way(preset):
-    """Each leg at a steady speed from home, as synchronised moves go: not the motion that the certificate looks at."""
+    """Each leg at a steady speed from home, as synchronised moves go: not the motion that the
+    certificate looks at.
+    """
     random = np.random.default_rng(21)
     q = preset.home_q + random.uniform(0, 0.0508, (500, 6))
     found = preset.forward(q)
@@ -98,12 +120,16 @@ def test_inside_the_travel_legs_lead_to_the_answer_on_their_own_straight_way(pre
     assert found.certified[inside].all()
     start = preset.home_q + np.zeros((inside.sum(), 6))
     home = preset.forward(start).pose
-    reached = followed(preset, home, [start + u * (q[inside] - start) for u in np.linspace(0, 1, STEPS + 1)[1:]])
+    reached = followed(
+        preset, home, [start + u * (q[inside] - start) for u in np.linspace(0, 1, STEPS + 1)[1:]]
+    )
     assert apart(reached, found.pose[inside]).max() < SAME
 
 
 def test_far_answers_are_those_that_the_legs_lead_to(any_hexapod, poses_about):
-    """From starts and for poses anywhere in reach, legs going through the lengths of the motion that was certified."""
+    """From starts and for poses anywhere in reach, legs going through the lengths of the motion
+    that was certified.
+    """
     near = poses_about(any_hexapod.home, any_hexapod, 200, 0.4)
     far = poses_about(any_hexapod.home, any_hexapod, 200, 1.5, seed=1)
     found = any_hexapod.forward(any_hexapod.inverse(far), near)
@@ -115,10 +141,14 @@ def test_far_answers_are_those_that_the_legs_lead_to(any_hexapod, poses_about):
 
 @pytest.fixture(scope="module")
 def forty(published):
-    """A machine with 40 real assembly modes for one set of lengths [Dietmaier 1998], and Newton's answers."""
+    """A machine with 40 real assembly modes for one set of lengths [Dietmaier 1998], and Newton's
+    answers.
+    """
     data = published["dietmaier"]
     home = RigidTransform.from_translation(data["one_position"])
-    machine = Hexapod(data["base"], data["platform"], axes=[Axis(f"leg{n}") for n in range(1, 7)], home=home)
+    machine = Hexapod(
+        data["base"], data["platform"], axes=[Axis(f"leg{n}") for n in range(1, 7)], home=home
+    )
     random = np.random.default_rng(15)
     on_a_sphere = random.normal(size=(1000, 3))  # the first leg joins both origins and has length 1
     on_a_sphere /= np.linalg.norm(on_a_sphere, axis=1)[:, None]
@@ -151,7 +181,9 @@ def test_the_modes_of_dietmaier_are_found_and_kept(forty, published):
 
 
 def test_no_other_mode_of_dietmaier_is_certified(forty):
-    """Newton arrives in all of them; what is certified, and only some is, is where the legs lead from that start."""
+    """Newton arrives in all of them; what is certified, and only some is, is where the legs lead
+    from that start.
+    """
     machine, near, found = forty
     solved = found.residual < 1e-12
     start, end, certified = near[solved], found.pose[solved], found.certified[solved]
@@ -159,14 +191,21 @@ def test_no_other_mode_of_dietmaier_is_certified(forty):
     off = apart(reached, end)
     assert off[certified].max() < SAME
     assert certified.sum() > 300
-    assert (off[~certified] > 0.01).sum() > 30  # the legs do lead elsewhere where a singularity lies between
+    assert (
+        off[~certified] > 0.01
+    ).sum() > 30  # the legs do lead elsewhere where a singularity lies between
 
 
 def test_modes_may_be_changed_on_a_proved_way(forty):
-    """Two modes can be joined without a singularity: a certificate speaks of the way from `near`, not of the mode."""
+    """Two modes can be joined without a singularity: a certificate speaks of the way from `near`,
+    not of the mode.
+    """
     machine, _, found = forty
     modes = modes_of(found)
-    pairs = RigidTransform.concatenate([modes] * len(modes)), modes[np.repeat(np.arange(len(modes)), len(modes))]
+    pairs = (
+        RigidTransform.concatenate([modes] * len(modes)),
+        modes[np.repeat(np.arange(len(modes)), len(modes))],
+    )
     near = (apart(*pairs) > SAME) & (apart(*pairs) < 1)
     start, end = (poses[near] for poses in pairs)
     proved = prove_regular(machine, start, end)

@@ -1,4 +1,6 @@
-"""Clearance: exact distances of segments and discs, legs and plates, and the thesis' choice of its joint gap."""
+"""Clearance: exact distances of segments and discs, legs and plates, and the thesis' choice of its
+joint gap.
+"""
 
 from itertools import product
 
@@ -16,7 +18,9 @@ from kinematics.machine.pose import to_numbers
 EXACT = 1e-15
 """Share of the coordinates: some rounding of a square root."""
 SEARCHED = 1e-7
-"""What the search in these tests is good to: a distance near zero is the root of a square near 1e-16."""
+"""What the search in these tests is good to: a distance near zero is the root of a square near
+1e-16.
+"""
 
 
 def smallest(function):
@@ -42,7 +46,9 @@ def to_disc(point, disc):
     flat = offset - height * disc.normal
     radius = np.linalg.norm(flat)
     inside = flat * min(1.0, disc.radius / radius) if radius else flat
-    return np.linalg.norm(offset - inside - np.clip(height, -disc.thickness / 2, disc.thickness / 2) * disc.normal)
+    return np.linalg.norm(
+        offset - inside - np.clip(height, -disc.thickness / 2, disc.thickness / 2) * disc.normal
+    )
 
 
 def between(p0, p1, q0, q1):
@@ -53,7 +59,8 @@ def from_disc(start, end, disc):
     return smallest(lambda s: to_disc(start + s * (end - start), disc))
 
 
-# whole numbers of a small range: parallel, crossing, touching, collinear and zero-length segments come by themselves
+# whole numbers of a small range: parallel, crossing, touching, collinear and zero-length segments
+# come by themselves
 few = arrays(float, (4, 3), elements=st.integers(-2, 2).map(float))
 many = arrays(float, (4, 3), elements=st.floats(-2, 2, allow_subnormal=False))
 
@@ -73,17 +80,25 @@ def test_segments(ends):
         (([-1, 0, 0], [1, 0, 0], [0, -1, 0.5], [0, 1, 0.5]), 0.5),  # crossing above each other
         (([-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0]), 0),  # crossing
         (([0, 0, 0], [1, 0, 0], [0.2, 3, 0], [0.7, 3, 0]), 3),  # parallel, side by side
-        (([0, 0, 0], [1, 0, 0], [4, 4, 0], [6, 4, 0]), 5),  # parallel, one behind the other: 3, 4, 5
+        (
+            ([0, 0, 0], [1, 0, 0], [4, 4, 0], [6, 4, 0]),
+            5,
+        ),  # parallel, one behind the other: 3, 4, 5
         (([0, 0, 0], [1, 0, 0], [3, 0, 0], [2, 0, 0]), 1),  # on one line
         (([0, 0, 0], [2, 0, 0], [1, 0, 0], [3, 0, 0]), 0),  # on one line, overlapping
         (([0, 0, 0], [0, 0, 0], [0, 3, 4], [0, 3, 4]), 5),  # two points
         (([0, 0, 0], [2, 0, 0], [1, 1, 0], [1, 1, 0]), 1),  # a point
-        (([-1, 0, 0], [1, 0, 0], [-1, -1e-9, 1], [1, 1e-9, 1]), 1),  # nearly parallel, crossing above each other
+        (
+            ([-1, 0, 0], [1, 0, 0], [-1, -1e-9, 1], [1, 1e-9, 1]),
+            1,
+        ),  # nearly parallel, crossing above each other
         (([-1, 0, 0], [1, 0, 0], [-1, -1e-5, 0], [1, 1e-5, 0]), 0),  # nearly parallel, crossing
     ],
 )
 def test_segments_of_known_distance(ends, distance):
-    assert float(segment_distance(*np.array(ends, float))) == pytest.approx(distance, rel=0, abs=2 * EXACT)
+    assert float(segment_distance(*np.array(ends, float))) == pytest.approx(
+        distance, rel=0, abs=2 * EXACT
+    )
 
 
 @settings(max_examples=100, deadline=None)
@@ -111,14 +126,18 @@ def test_segments_and_discs(ends, thickness, radius):
 )
 def test_discs_of_known_distance(ends, distance):
     disc = Disc(radius=2, thickness=2)
-    assert float(segment_disc_distance(*np.array(ends, float), disc)) == pytest.approx(distance, rel=0, abs=4 * EXACT)
+    assert float(segment_disc_distance(*np.array(ends, float), disc)) == pytest.approx(
+        distance, rel=0, abs=4 * EXACT
+    )
 
 
 # legs and plates
 
 
 def test_clearances_of_a_hexapod(preset, poses_about):
-    """Every pair by the search, from joint centres that SciPy moves; tips of the legs end in the joints."""
+    """Every pair by the search, from joint centres that SciPy moves; tips of the legs end in the
+    joints.
+    """
     poses = poses_about(preset.home, preset, 6, 0.2)
     margins = preset.check(poses)
     bodies, ends = preset.bodies, preset.bodies.leg_radius
@@ -142,11 +161,15 @@ def test_clearances_of_a_hexapod(preset, poses_about):
 
 
 def test_at_home_the_clearance_is_that_of_the_drawing(preset):
-    """Joints 6 mm off the plates; legs upright enough that their lower ends are nearest to the lower plate."""
+    """Joints 6 mm off the plates; legs upright enough that their lower ends are nearest to the
+    lower plate.
+    """
     margins = preset.check(preset.home)
     clearance = dict(zip(margins.clearance_names, margins.clearance[0], strict=True))
     height = (0.2336362 - 0.0225) / preset.home_q[0]  # cosine of the legs' tilt
-    assert clearance["leg1–base"] == pytest.approx(0.006 + 0.0304 * height - 0.0304, rel=0, abs=1e-15)
+    assert clearance["leg1–base"] == pytest.approx(
+        0.006 + 0.0304 * height - 0.0304, rel=0, abs=1e-15
+    )
     assert clearance["leg1–platform"] == pytest.approx(clearance["leg1–base"], rel=0, abs=1e-15)
 
 
@@ -158,22 +181,35 @@ def test_no_translation_changes_a_distance_by_more_than_itself(any_hexapod, pose
     bodies = Bodies(any_hexapod.base, any_hexapod.platform, legs, 0.01, 0.03, *plates)
     poses = poses_about(any_hexapod.home, any_hexapod, 2000, 0.5)
     shift = random.normal(size=(2000, 3)) * 10.0 ** random.uniform(-6, -1, (2000, 1))
-    before, after = (bodies.distances(to_numbers(p)) for p in (poses, RigidTransform.from_translation(shift) * poses))
+    before, after = (
+        bodies.distances(to_numbers(p))
+        for p in (poses, RigidTransform.from_translation(shift) * poses)
+    )
     change = np.abs(after - before).max(1) / np.linalg.norm(shift, axis=1)
     assert change.max() < 1 + 1e-8  # rounding of 1e-15 in a step of 1e-6
     assert change.max() > 0.3
 
 
 def test_the_worst_of_all_is_a_pair_of_legs(preset):
-    """Legs as wide as the gap between their joints overlap; the margins name them and by how much."""
-    thick = Hexapod(preset.base, preset.platform, axes=preset.axes, home=preset.home, leg_radius=0.045, leg_ends=0.0)
+    """Legs as wide as the gap between their joints overlap; the margins name them and by how
+    much.
+    """
+    thick = Hexapod(
+        preset.base,
+        preset.platform,
+        axes=preset.axes,
+        home=preset.home,
+        leg_radius=0.045,
+        leg_ends=0.0,
+    )
     up = RigidTransform.from_translation([0, 0, 0.025]) * preset.home
     margins = thick.check(up)
     low, high = thick.base, up.apply(np.array(thick.platform))
     apart = between(low[1], high[1], low[2], high[2])
     assert not margins.ok.any()
     assert margins.worst() in {
-        f"leg{pair} clearance: {1e3 * (apart - 0.09):.3g} mm" for pair in ("1–leg6", "2–leg3", "4–leg5")
+        f"leg{pair} clearance: {1e3 * (apart - 0.09):.3g} mm"
+        for pair in ("1–leg6", "2–leg3", "4–leg5")
     }
     assert margins.clearance.min() == pytest.approx(apart - 0.09, rel=0, abs=SEARCHED)
     assert preset.check(up).ok.all()
@@ -205,7 +241,10 @@ def test_conditioning_has_no_unit(preset, poses_about):
 
 
 def test_turned_by_a_right_angle_a_regular_hexapod_is_singular(preset):
-    """Fichter's singularity: platform above the base, turned by 90° about their common axis. [Fichter 1986]"""
+    """Fichter's singularity: platform above the base, turned by 90° about their common axis.
+
+    [Fichter 1986]
+    """
     turns = Rotation.from_rotvec(np.outer(np.deg2rad([0, 60, 89, 90, 91]), [0, 0, 1]))
     margins = preset.check(RigidTransform.from_components([0, 0, 0.25], turns))
     assert margins.singularity[3] < 1e-15
@@ -215,8 +254,13 @@ def test_turned_by_a_right_angle_a_regular_hexapod_is_singular(preset):
 
 
 def test_a_leg_of_no_length_is_singular_and_turned_over(preset):
-    """It has no direction: no rates, no tilt. One such pose leaves the others of its batch alone."""
-    machine = Hexapod(preset.base, preset.platform, axes=preset.axes, home=preset.home, max_tilt=1.0)
+    """It has no direction: no rates, no tilt.
+
+    One such pose leaves the others of its batch alone.
+    """
+    machine = Hexapod(
+        preset.base, preset.platform, axes=preset.axes, home=preset.home, max_tilt=1.0
+    )
     poses = RigidTransform.concatenate(
         [preset.home, RigidTransform.from_translation(preset.base[2] - preset.platform[2])]
     )
@@ -226,25 +270,37 @@ def test_a_leg_of_no_length_is_singular_and_turned_over(preset):
     assert margins.conditioning[0] == machine.check(preset.home).conditioning[0] > 0
     assert margins.tilt[1, [2, 8]] == pytest.approx(np.pi)
     assert margins.ok.tolist() == [True, False]
-    with pytest.raises(MotionError, match=r"machine hexapod is singular at pose 1, position .* no finite rates"):
+    with pytest.raises(
+        MotionError, match=r"machine hexapod is singular at pose 1, position .* no finite rates"
+    ):
         machine.jacobian(poses)
 
 
 def test_a_joint_without_a_limit_is_never_the_worst(preset):
     """Turned far over, beyond any tilt that a limit would allow."""
     machine = Hexapod(
-        preset.base, preset.platform, axes=preset.axes, home=preset.home, max_tilt=(None, np.deg2rad(120))
+        preset.base,
+        preset.platform,
+        axes=preset.axes,
+        home=preset.home,
+        max_tilt=(None, np.deg2rad(120)),
     )
-    turned = RigidTransform.from_components(preset.home.translation, Rotation.from_rotvec([0, 1.2, 0]))
+    turned = RigidTransform.from_components(
+        preset.home.translation, Rotation.from_rotvec([0, 1.2, 0])
+    )
     margins = machine.check(turned)
-    free = Hexapod(preset.base, preset.platform, axes=[Axis(f"leg{n}") for n in range(6)], home=preset.home)
+    free = Hexapod(
+        preset.base, preset.platform, axes=[Axis(f"leg{n}") for n in range(6)], home=preset.home
+    )
     assert "base joint" not in margins.worst()
     assert free.check(turned).use == 0
     assert free.check(turned).ok.all()
 
 
 def test_the_nearest_singular_jacobian_is_as_far_as_told(preset, poses_about):
-    """By the characteristic polynomial instead of singular values: det(J Jᵀ − σ² 1) = 0 for no smaller σ."""
+    """By the characteristic polynomial instead of singular values: det(J Jᵀ − σ² 1) = 0 for no
+    smaller σ.
+    """
     pose = poses_about(preset.home, preset, 1, 0.3)
     jacobian = preset.jacobian(pose)[0] * np.repeat([1.0, 1 / preset.characteristic_length], 3)
     squares = np.linalg.eigvalsh(jacobian @ jacobian.T)
@@ -260,9 +316,9 @@ def test_the_nearest_singular_jacobian_is_as_far_as_told(preset, poses_about):
 def test_clearance_decided_the_gap(preset, gap, expected):
     """With joint gaps of 20° legs overlap at the ends of travel, with 30° they do not.
 
-    [Sahbaz 2007, chapter 4] observed its parts there, and prints no dimension of a leg. The radius is
-    an assumption: that of a bar around the actuator's body, 43 mm square in its data sheet. The limit
-    of tilt is that of the thesis' program.
+    [Sahbaz 2007, chapter 4] observed its parts there, and prints no dimension of a leg. The radius
+    is an assumption: that of a bar around the actuator's body, 43 mm square in its data sheet. The
+    limit of tilt is that of the thesis' program.
     """
     machine = Hexapod(
         joint_circle(0.149, np.deg2rad(gap), 0.0115),
@@ -299,7 +355,15 @@ def test_bodies_that_are_none_are_refused(preset, changes, told):
 
 
 @pytest.mark.parametrize(
-    "values", [(0, 0.01), (0.1, -0.01), (np.inf, 0), (0.1, 0, [0, 0]), (0.1, 0, [0, 0, 0], [0, 0, 0]), (0.1, np.nan)]
+    "values",
+    [
+        (0, 0.01),
+        (0.1, -0.01),
+        (np.inf, 0),
+        (0.1, 0, [0, 0]),
+        (0.1, 0, [0, 0, 0], [0, 0, 0]),
+        (0.1, np.nan),
+    ],
 )
 def test_discs_that_are_none_are_refused(values):
     with pytest.raises(MotionError, match="disc"):

@@ -1,4 +1,6 @@
-"""Doubts about a machine's file: swapped rows of joints, and limits and pulses of an improbable size."""
+"""Doubts about a machine's file: swapped rows of joints, and limits and pulses of an improbable
+size.
+"""
 
 from dataclasses import replace
 from itertools import combinations
@@ -26,7 +28,9 @@ AXES = tuple(replace(AXIS, name=f"leg{n}") for n in range(1, 7))
 
 
 def symmetric_hexapod(rng, error=1e-3):
-    """A hexapod of random proportions, with joints that are off by a share `error` of its radius."""
+    """A hexapod of random proportions, with joints that are off by a share `error` of its
+    radius.
+    """
     radius = rng.uniform(0.05, 1.0)
     base = joint_circle(radius, np.deg2rad(rng.uniform(5, 55)), 0.0)
     platform = joint_circle(radius * rng.uniform(0.3, 1.1), np.deg2rad(rng.uniform(65, 115)), 0.0)
@@ -43,7 +47,9 @@ def test_bundled_machines_raise_no_doubts(name):
 
 
 def test_swapped_rows_are_suspected_and_others_are_not():
-    """Of a symmetric machine, and with errors of its parts; both rows of the message are the swapped ones."""
+    """Of a symmetric machine, and with errors of its parts; both rows of the message are the
+    swapped ones.
+    """
     rng = np.random.default_rng(38)
     suspected = total = 0
     for _ in range(40):

@@ -1,4 +1,6 @@
-"""Actuator forces: hand calculation, power balance against energies of another making, the arm's Lagrangian."""
+"""Actuator forces: hand calculation, power balance against energies of another making, the arm's
+Lagrangian.
+"""
 
 import casadi as ca
 import numpy as np
@@ -25,9 +27,17 @@ from kinematics.machine.pose import COMPONENTS
 from tests.kinematics.bodies import combine_bodies
 
 G = -GRAVITY[2]
-PLATFORM = Body(3.0, [0.01, -0.02, 0.03], [[0.03, 0.002, 0.001], [0.002, 0.04, -0.003], [0.001, -0.003, 0.05]])
+PLATFORM = Body(
+    3.0, [0.01, -0.02, 0.03], [[0.03, 0.002, 0.001], [0.002, 0.04, -0.003], [0.001, -0.003, 0.05]]
+)
 WRENCH = np.array([12.0, -7.0, -40.0, 1.0, -2.0, 0.5])
-SIZES = {"arm": (0.1, 0), "hexapod": (0.02, 0.1), "linkage": (0.03, 0), "traverser": (0.2, 2), "tripod": (0.03, 0)}
+SIZES = {
+    "arm": (0.1, 0),
+    "hexapod": (0.02, 0.1),
+    "linkage": (0.03, 0),
+    "traverser": (0.2, 2),
+    "tripod": (0.03, 0),
+}
 
 
 @pytest.fixture(scope="module", params=SIZES)
@@ -38,11 +48,15 @@ def machine(request):
 
 
 def test_rates_of_a_motion_are_its_derivatives(machine, spectrum):
-    """Against the spectrum's derivatives of q and of the poses that `forward` finds: 1e-8, rounding times N⁴."""
+    """Against the spectrum's derivatives of q and of the poses that `forward` finds: 1e-8, rounding
+    times N⁴.
+    """
     motion = spectrum.smooth(machine, *SIZES[machine.name])
     carried = machine.forward(motion.q, machine.home).pose
     assert np.abs(carried.as_matrix() - motion.pose.as_matrix()).max() < 1e-10
-    twist = np.concatenate([spectrum.rate(carried.translation), spectrum.turning(carried.rotation.as_matrix())], 1)
+    twist = np.concatenate(
+        [spectrum.rate(carried.translation), spectrum.turning(carried.rotation.as_matrix())], 1
+    )
     for found, expected in (
         (motion.qd, spectrum.rate(motion.q)),
         (motion.qdd, spectrum.rate(motion.qd)),
@@ -76,14 +90,18 @@ def test_the_actuators_power_is_the_rate_of_energy_less_the_wrench_s(machine, sp
 
 def test_reflected_inertia_is_carried_by_its_own_axis(machine, spectrum):
     motion = spectrum.smooth(machine, *SIZES[machine.name])
-    with_it, without = (forces(machine, motion, platform=PLATFORM, reflected=m).force for m in (0.7, 0.0))
+    with_it, without = (
+        forces(machine, motion, platform=PLATFORM, reflected=m).force for m in (0.7, 0.0)
+    )
     assert with_it - without == pytest.approx(0.7 * motion.qdd, rel=1e-9, abs=1e-9)
 
 
 def test_a_leg_s_forces_hold_the_platform_in_balance(any_hexapod, poses_about):
     """Σ f u and Σ a × f u are minus the wrench and the weight: rounding of forces up to 1e5 N."""
     pose = poses_about(any_hexapod.home, any_hexapod, 20, 0.05)
-    force = forces(any_hexapod, motion_of_poses(any_hexapod, pose), platform=PLATFORM, wrench=WRENCH).force
+    force = forces(
+        any_hexapod, motion_of_poses(any_hexapod, pose), platform=PLATFORM, wrench=WRENCH
+    ).force
     for k in range(20):
         turned = pose[k].rotation.as_matrix()
         arms = any_hexapod.platform @ turned.T
@@ -107,7 +125,9 @@ def test_weights_by_hand():
 
 
 def test_a_linkage_s_turning_platform_loads_its_actuators():
-    """With its centre off the point, the platform's turn counts: the wrench in the plane's z by virtual work, 1e-7."""
+    """With its centre off the point, the platform's turn counts: the wrench in the plane's z by
+    virtual work, 1e-7.
+    """
     linkage = load_machine("linkage")
     step, moment = 1e-6, np.array([0, 0, 0, 0, 0, 3.0])
     force = forces(linkage, motion_of_poses(linkage, linkage.home), wrench=moment).force[0]
@@ -119,19 +139,24 @@ def test_a_linkage_s_turning_platform_loads_its_actuators():
 
 
 def test_the_initial_design_s_force_is_ours():
-    """45.01 N where [Sahbaz 2007, chapter 2] prints 54.563 N, by a second solution of the same statics."""
+    """45.01 N where [Sahbaz 2007, chapter 2] prints 54.563 N, by a second solution of the same
+    statics.
+    """
     result = initial_design.static_forces()
     initial, pose = result.machine, result.motion.pose
     arms = initial.platform @ pose.rotation.as_matrix().swapaxes(1, 2)
     legs = pose.translation[:, None] + arms - initial.base
     units = legs / np.linalg.norm(legs, axis=2, keepdims=True)
     screws = np.concatenate([units, np.cross(arms, units)], 2).swapaxes(1, 2)
-    force = np.linalg.solve(screws, np.tile(-np.array(initial_design.WRENCH)[:, None], (21, 1, 1)))[:, :, 0]
+    force = np.linalg.solve(screws, np.tile(-np.array(initial_design.WRENCH)[:, None], (21, 1, 1)))[
+        :, :, 0
+    ]
     assert initial_design.needs()[0].force == pytest.approx(np.abs(force).max(), rel=1e-12)
     assert np.abs(force).max() == pytest.approx(45.01, abs=0.005)
 
 
-# The bundled arm's links as its URDF has them: mass, centre and principal moments in each link's frame.
+# The bundled arm's links as its URDF has them: mass, centre and principal moments in each link's
+# frame.
 LINKS = (
     (3.0, [0, 0, -0.05], [0.01, 0.01, 0.006]),
     (2.0, [0.2, 0, 0], [0.002, 0.03, 0.03]),
@@ -150,7 +175,9 @@ def chain(q):
 
 
 def test_an_arm_s_torques_are_its_lagrangian_s():
-    """τ = d/dt ∂L/∂q̇ − ∂L/∂q, by CasADi from speeds in cylinder coordinates, 1e-11 of the largest."""
+    """τ = d/dt ∂L/∂q̇ − ∂L/∂q, by CasADi from speeds in cylinder coordinates, 1e-11 of the
+    largest.
+    """
     pytest.importorskip("pinocchio")
     arm = load_machine("arm")
     random = np.random.default_rng(1)
@@ -183,7 +210,12 @@ def test_an_arm_s_torques_are_its_lagrangian_s():
 def test_an_arm_of_given_joints_weighs_nothing():
     pytest.importorskip("pinocchio")
     upright = np.array([[0, 0, 1.0], [0, -1, 0], [0, -1, 0]])
-    joints = Joints(np.array([[0, 0, 0], [0, 0, 0.2], [0.4, 0, 0.2]]), upright, np.array([0.7, 0, 0.2]), np.eye(3))
+    joints = Joints(
+        np.array([[0, 0, 0], [0, 0, 0.2], [0.4, 0, 0.2]]),
+        upright,
+        np.array([0.7, 0, 0.2]),
+        np.eye(3),
+    )
     arm = Arm(joints, axes=[Axis(f"j{n}", "rotary") for n in range(3)], home=[0, 0.5, -0.9])
     assert np.abs(forces(arm, motion_of_poses(arm, arm.home)).force).max() == 0
     lifted = forces(arm, motion_of_poses(arm, arm.home), platform=Body(2.0)).force[0]
@@ -201,9 +233,14 @@ def test_a_cylinder_is_a_stack_of_discs():
 
 
 def test_bodies_together_need_what_each_needs(spectrum):
-    """A plate with a payload gives the sum of both forces; inverse dynamics are linear in bodies, Steiner or not."""
+    """A plate with a payload gives the sum of both forces; inverse dynamics are linear in bodies,
+    Steiner or not.
+    """
     hexapod = load_machine("hexapod")
-    motion, payload = spectrum.smooth(hexapod, 0.02, 0.1), Body(2.0, [0.05, 0, 0.1], np.diag([0.01, 0.02, 0.015]))
+    motion, payload = (
+        spectrum.smooth(hexapod, 0.02, 0.1),
+        Body(2.0, [0.05, 0, 0.1], np.diag([0.01, 0.02, 0.015])),
+    )
     one = forces(hexapod, motion, platform=combine_bodies(PLATFORM, payload, Body())).force
     two = sum(forces(hexapod, motion, platform=body).force for body in (PLATFORM, payload))
     assert one == pytest.approx(two, rel=1e-10, abs=1e-10)
@@ -215,7 +252,10 @@ def test_bodies_together_need_what_each_needs(spectrum):
         (lambda: Body(-1.0), "mass -1.0 kg must be finite"),
         (lambda: Body(np.nan), "mass must be one finite number"),
         (lambda: Body(1.0, [0, 0]), r"centre must be finite numbers \(3,\)"),
-        (lambda: Body(1.0, [0, 0, 0], np.diag([1.0, 1, 3])), "principal moments 1, 1, 3 .* no rigid body's"),
+        (
+            lambda: Body(1.0, [0, 0, 0], np.diag([1.0, 1, 3])),
+            "principal moments 1, 1, 3 .* no rigid body's",
+        ),
         (lambda: Body(1.0, [0, 0, 0], np.diag([-1.0, 1, 1])), "no rigid body's"),
         (lambda: Body(1.0, [0, 0, 0], [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]), "must be symmetric"),
         (lambda: Body(0.0, [0, 0, 0], np.eye(3)), "inertia without mass"),
@@ -249,13 +289,19 @@ def test_a_twist_off_the_freedom_and_a_singular_pose_are_refused():
     tripod = load_machine("tripod")
     with pytest.raises(OutOfReach, match=f"holds {COMPONENTS[4]}: the twist at instant 0 has 0.1"):
         motion_of_poses(tripod, tripod.home, [0, 0, 0, 0, 0.1, 0])
-    with pytest.raises(MotionError, match=r"tripod has 3 axes: q must be finite, \(1, 3\) for 1 pose, not \(1, 6\)"):
-        motion_of_axes(tripod, motion_of_poses(load_machine("hexapod"), load_machine("hexapod").home))
+    with pytest.raises(
+        MotionError, match=r"tripod has 3 axes: q must be finite, \(1, 3\) for 1 pose, not \(1, 6\)"
+    ):
+        motion_of_axes(
+            tripod, motion_of_poses(load_machine("hexapod"), load_machine("hexapod").home)
+        )
     with pytest.raises(MotionError, match=r"twist must be finite numbers \(1, 6\) or \(6,\), not"):
         motion_of_poses(tripod, tripod.home, np.zeros((2, 6)))
     # all arms in one plane bear nothing across it
     level = RigidTransform.from_translation([0, 0, tripod.base[0, 2] - tripod.platform[0, 2]])
-    with pytest.raises(MotionError, match="machine tripod is singular at the pose, position 0, 0, -50 mm"):
+    with pytest.raises(
+        MotionError, match="machine tripod is singular at the pose, position 0, 0, -50 mm"
+    ):
         forces(tripod, motion_of_poses(tripod, level), platform=Body(1.0))
 
 

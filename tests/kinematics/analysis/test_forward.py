@@ -34,7 +34,9 @@ def test_forward_undoes_inverse_everywhere_in_the_travel(preset, distance):
     random = np.random.default_rng(5)
     count = 20_000
     poses = RigidTransform.from_components(
-        random.uniform(-1, 1, (count, 3)) * [0.05, 0.05, 0.03] + preset.home.translation + [0, 0, 0.025],
+        random.uniform(-1, 1, (count, 3)) * [0.05, 0.05, 0.03]
+        + preset.home.translation
+        + [0, 0, 0.025],
         Rotation.from_rotvec(random.uniform(-0.2, 0.2, (count, 3))),
     )
     poses = poses[preset.check(poses).ok]
@@ -42,12 +44,17 @@ def test_forward_undoes_inverse_everywhere_in_the_travel(preset, distance):
     found = preset.forward(preset.inverse(poses))
     assert distance(found.pose, poses) < EXACT
     assert found.certified.all()
-    assert found.residual.max() < 3e-14  # Newton stops at 1e-14; rounding of decimetres makes some more
+    assert (
+        found.residual.max() < 3e-14
+    )  # Newton stops at 1e-14; rounding of decimetres makes some more
 
 
 def test_a_batch_equals_its_members(machine, poses_about, distance):
     """From a start for each, and from home."""
-    poses, near = poses_about(machine.home, machine, 6, 0.2), poses_about(machine.home, machine, 6, 0.1, seed=1)
+    poses, near = (
+        poses_about(machine.home, machine, 6, 0.2),
+        poses_about(machine.home, machine, 6, 0.1, seed=1),
+    )
     q = machine.inverse(poses)
     for starts in (near, None):
         batch = machine.forward(q, starts)
@@ -70,9 +77,13 @@ def test_residual_is_what_inverse_says(parallel, poses_about, room):
     """Reached or not: the largest difference of a coordinate, at the very pose returned."""
     machine = parallel
     q = machine.inverse(poses_about(machine.home, machine, 20, 0.2))
-    q[10:] = np.abs(q[10:] + np.random.default_rng(2).uniform(-2, 2, (10, len(machine.axes))) * room(machine))
+    q[10:] = np.abs(
+        q[10:] + np.random.default_rng(2).uniform(-2, 2, (10, len(machine.axes))) * room(machine)
+    )
     found = machine.forward(q)
-    assert found.residual == pytest.approx(np.abs(machine.inverse(found.pose) - q).max(1), rel=0, abs=1e-15)
+    assert found.residual == pytest.approx(
+        np.abs(machine.inverse(found.pose) - q).max(1), rel=0, abs=1e-15
+    )
     assert found.certified[:10].all()
     assert found.residual[10:].max() > 1e-3  # some of them are unreachable indeed
     assert not found.certified[found.residual > 1e-9].any()
@@ -82,8 +93,11 @@ def test_a_long_way_is_gone_in_steps(preset, distance):
     """Continued from the last pose, each step certified, round a circle and through turns."""
     angle = np.linspace(0, 2 * np.pi, 60)
     way = RigidTransform.from_components(
-        preset.home.translation + np.stack([0.04 * np.sin(angle), 0.04 * (1 - np.cos(angle)), 0 * angle + 0.02], 1),
-        Rotation.from_rotvec(np.stack([0.3 * np.sin(2 * angle), 0 * angle, 0.5 * np.sin(angle)], 1)),
+        preset.home.translation
+        + np.stack([0.04 * np.sin(angle), 0.04 * (1 - np.cos(angle)), 0 * angle + 0.02], 1),
+        Rotation.from_rotvec(
+            np.stack([0.3 * np.sin(2 * angle), 0 * angle, 0.5 * np.sin(angle)], 1)
+        ),
     )
     near = preset.home
     for pose in way:
@@ -96,7 +110,10 @@ def test_a_long_way_is_gone_in_steps(preset, distance):
 def test_more_than_a_block_at_once(preset, poses_about):
     """Rows are solved in blocks; each is where it belongs, with its own start."""
     count = 2 * BLOCK_ROWS + 5
-    poses, near = poses_about(preset.home, preset, count, 0.1), poses_about(preset.home, preset, count, 0.05, seed=1)
+    poses, near = (
+        poses_about(preset.home, preset, count, 0.1),
+        poses_about(preset.home, preset, count, 0.05, seed=1),
+    )
     q = preset.inverse(poses)
     for starts in (None, near):
         found = preset.forward(q, starts, certify=False)
@@ -126,11 +143,21 @@ def test_memory_does_not_grow_with_the_rows(preset, poses_about, monkeypatch):
 
 @pytest.mark.parametrize(
     "q",
-    [np.zeros(5), np.zeros((2, 5)), np.zeros((2, 3, 6)), 0.2, [], [np.nan] * 6, [0.2] * 5 + [np.inf]],
+    [
+        np.zeros(5),
+        np.zeros((2, 5)),
+        np.zeros((2, 3, 6)),
+        0.2,
+        [],
+        [np.nan] * 6,
+        [0.2] * 5 + [np.inf],
+    ],
     ids=["five", "pairs of five", "three dimensions", "a number", "nothing", "nan", "infinite"],
 )
 def test_what_are_no_coordinates_is_refused(preset, q):
-    with pytest.raises(MotionError, match=r"machine hexapod: forward takes finite coordinates \(N, 6\), not "):
+    with pytest.raises(
+        MotionError, match=r"machine hexapod: forward takes finite coordinates \(N, 6\), not "
+    ):
         preset.forward(q)
 
 
@@ -144,7 +171,10 @@ def test_the_coordinate_that_is_no_number_is_named(preset):
 @pytest.mark.parametrize("count", [1, 3])
 def test_as_many_starts_as_coordinates(preset, count):
     near = RigidTransform.from_translation(preset.home.translation + np.zeros((2, 3)))
-    with pytest.raises(MotionError, match=f"machine hexapod: .*`near`, or one for each of {count} rows? of q, not 2"):
+    with pytest.raises(
+        MotionError,
+        match=f"machine hexapod: .*`near`, or one for each of {count} rows? of q, not 2",
+    ):
         preset.forward(np.tile(preset.home_q, (count, 1)), near)
 
 
@@ -172,11 +202,14 @@ def test_no_coordinates_have_no_poses(preset):
 )
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_lengths_that_no_pose_has(preset, q):
-    """Asked for alone they are refused; among others their residual tells, and they are not certified."""
+    """Asked for alone they are refused; among others their residual tells, and they are not
+    certified.
+    """
     with cpu_limit(5.0):
         found = preset.forward([preset.home_q, q])
         with pytest.raises(
-            OutOfReach, match=r"machine hexapod: no pose was found that has the lengths .* leaves .* mm"
+            OutOfReach,
+            match=r"machine hexapod: no pose was found that has the lengths .* leaves .* mm",
         ):
             preset.forward(q)
     assert found.certified.tolist() == [True, False]
@@ -187,13 +220,17 @@ def test_lengths_that_no_pose_has(preset, q):
 def test_lengths_below_zero_are_refused(parallel):
     q = np.tile(parallel.home_q, (3, 1))
     q[2, 1] *= -1
-    with pytest.raises(MotionError, match=f"m for {parallel.axes[1].name} in row 2; a length is not below 0"):
+    with pytest.raises(
+        MotionError, match=f"m for {parallel.axes[1].name} in row 2; a length is not below 0"
+    ):
         parallel.forward(q)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_start_out_of_reach_leads_nowhere():
-    """No lengths of the linkage reach the pose it is asked from: it stays there, and says that it is no answer."""
+    """No lengths of the linkage reach the pose it is asked from: it stays there, and says that it
+    is no answer.
+    """
     linkage = load_machine("linkage")
     nowhere = RigidTransform.from_translation([0.01, 0.01, 0])
     found = linkage.forward(linkage.home_q[None], nowhere)
@@ -217,7 +254,9 @@ def test_a_stretched_arm_is_where_its_joints_say_and_not_certified():
 
 @pytest.mark.parametrize("name", ["hexapod", "tripod", "linkage", "traverser", "arm"])
 def test_settling_alone_finds_the_poses_of_forward(name):
-    """What batches use, without SciPy's transforms and without a proof: the same poses, to Newton's 1e-14."""
+    """What batches use, without SciPy's transforms and without a proof: the same poses, to Newton's
+    1e-14.
+    """
     machine = load_machine(name)
     rng = np.random.default_rng(5)
     span = np.array([1e-3 if axis.kind == "linear" else 1e-2 for axis in machine.axes])

@@ -13,8 +13,15 @@ from kinematics.machine.load import GRAVITY
 pin = pytest.importorskip("pinocchio")
 
 G = -GRAVITY[2]
-PLATFORM = Body(3.0, [0.01, -0.02, 0.03], [[0.03, 0.002, 0.001], [0.002, 0.04, -0.003], [0.001, -0.003, 0.05]])
-BARREL = Body(0.4, [0.004, -0.003, 0.06], [[8e-4, 2e-5, 1e-5], [2e-5, 9e-4, -1e-5], [1e-5, -1e-5, 3e-4]], "barrel")
+PLATFORM = Body(
+    3.0, [0.01, -0.02, 0.03], [[0.03, 0.002, 0.001], [0.002, 0.04, -0.003], [0.001, -0.003, 0.05]]
+)
+BARREL = Body(
+    0.4,
+    [0.004, -0.003, 0.06],
+    [[8e-4, 2e-5, 1e-5], [2e-5, 9e-4, -1e-5], [1e-5, -1e-5, 3e-4]],
+    "barrel",
+)
 ROD = Body(0.15, [0.001, 0.002, -0.07], [[3e-4, 0, 1e-5], [0, 3e-4, 0], [1e-5, 0, 1e-5]], "rod")
 LEG = Leg(BARREL, ROD, [0.9, 0.3, 0.1])
 WRENCH = np.array([12.0, -7.0, -40.0, 1.0, -2.0, 0.5])
@@ -26,7 +33,9 @@ def moved(machine, spectrum):
 
 
 def test_forward_dynamics_give_the_accelerations_back(any_hexapod, spectrum):
-    """pinocchio's constrained forward dynamics of the forces, to 1e-9 of the largest acceleration."""
+    """pinocchio's constrained forward dynamics of the forces, to 1e-9 of the largest
+    acceleration.
+    """
     motion, legs = moved(any_hexapod, spectrum), (LEG,) * 6
     force = forces(any_hexapod, motion, platform=PLATFORM, wrench=WRENCH, legs=legs).force
     loop = closed_loop(any_hexapod, legs, PLATFORM, np.array(GRAVITY))
@@ -40,12 +49,16 @@ def test_forward_dynamics_give_the_accelerations_back(any_hexapod, spectrum):
         generalized = np.zeros(loop.model.nv)
         generalized[:6], generalized[loop.driven] = outside[k], force[k]
         settings = pin.ProximalSettings(1e-13, 0.0, 1)
-        found = pin.constraintDynamics(loop.model, data, q, v, generalized, constraints, closings, settings)
+        found = pin.constraintDynamics(
+            loop.model, data, q, v, generalized, constraints, closings, settings
+        )
         assert np.abs(found - a).max() < 1e-9 * np.abs(a).max()
 
 
 def test_the_loops_are_closed_and_stay_so(any_hexapod, spectrum):
-    """Rod and platform meet in the joint's centre at every instant; rates are derivatives, both to rounding."""
+    """Rod and platform meet in the joint's centre at every instant; rates are derivatives, both to
+    rounding.
+    """
     motion, legs = moved(any_hexapod, spectrum), (LEG,) * 6
     loop = closed_loop(any_hexapod, legs, PLATFORM, np.array(GRAVITY))
     data = loop.model.createData()
@@ -62,7 +75,9 @@ def test_the_loops_are_closed_and_stay_so(any_hexapod, spectrum):
 
 
 def test_the_actuators_power_is_the_rate_of_energy_less_the_wrench_s(any_hexapod, spectrum):
-    """Σ f q̇ = dE/dt − wrench · ν to 1e-8 of the largest power. A leg's frame by cross products, not by angles:
+    """Σ f q̇ = dE/dt − wrench · ν to 1e-8 of the largest power.
+
+    A leg's frame by cross products, not by angles:
 
     z along the leg, y (the universal joint's second axis) across it and the first axis.
     """
@@ -87,16 +102,22 @@ def test_the_actuators_power_is_the_rate_of_energy_less_the_wrench_s(any_hexapod
 def test_legs_that_weigh_nothing_are_legs_without_mass(any_hexapod, spectrum):
     motion = moved(any_hexapod, spectrum)
     without = forces(any_hexapod, motion, platform=PLATFORM, wrench=WRENCH).force
-    empty = forces(any_hexapod, motion, platform=PLATFORM, wrench=WRENCH, legs=Leg(Body(), Body())).force
+    empty = forces(
+        any_hexapod, motion, platform=PLATFORM, wrench=WRENCH, legs=Leg(Body(), Body())
+    ).force
     assert np.abs(empty - without).max() < 1e-10 * np.abs(without).max()
 
 
 def test_the_difference_falls_with_the_legs_mass(preset, spectrum):
-    """Inverse dynamics are linear in the masses: a thousandth of them, a thousandth of the difference."""
+    """Inverse dynamics are linear in the masses: a thousandth of them, a thousandth of the
+    difference.
+    """
     motion = moved(preset, spectrum)
 
     def extra(share):
-        leg = Leg(*(Body(share * b.mass, b.centre, share * np.asarray(b.inertia)) for b in (BARREL, ROD)))
+        leg = Leg(
+            *(Body(share * b.mass, b.centre, share * np.asarray(b.inertia)) for b in (BARREL, ROD))
+        )
         return forces(preset, motion, platform=PLATFORM, legs=leg).force - massless
 
     massless = forces(preset, motion, platform=PLATFORM).force
@@ -104,24 +125,35 @@ def test_the_difference_falls_with_the_legs_mass(preset, spectrum):
 
 
 def test_weights_of_legs_at_rest_by_virtual_work(preset):
-    """At rest f · δq = δU for every small move of the platform, U from heights alone; central differences of 1e-6."""
+    """At rest f · δq = δU for every small move of the platform, U from heights alone; central
+    differences of 1e-6.
+    """
     up = preset.home.translation + np.array([0.01, 0.02, 0.02])
     pose = RigidTransform.from_components(up, Rotation.from_rotvec([0.1, 0.05, 0]))
     barrel, rod = cylinder(0.4, 0.02, 0, 0.12), cylinder(0.15, 0.005, -0.14, 0)
-    force = forces(preset, motion_of_poses(preset, pose), platform=PLATFORM, legs=Leg(barrel, rod)).force[0]
+    force = forces(
+        preset, motion_of_poses(preset, pose), platform=PLATFORM, legs=Leg(barrel, rod)
+    ).force[0]
 
     def height_energy(at):
         tips = at.translation + preset.platform @ at.rotation.as_matrix().T
         legs = tips - preset.base
         units = legs / np.linalg.norm(legs, axis=1)[:, None]
-        weights = barrel.mass * (preset.base + 0.06 * units)[:, 2] + rod.mass * (tips - 0.07 * units)[:, 2]
-        return G * (weights.sum() + PLATFORM.mass * (at.translation + at.rotation.as_matrix() @ PLATFORM.centre)[2])
+        weights = (
+            barrel.mass * (preset.base + 0.06 * units)[:, 2]
+            + rod.mass * (tips - 0.07 * units)[:, 2]
+        )
+        return G * (
+            weights.sum()
+            + PLATFORM.mass * (at.translation + at.rotation.as_matrix() @ PLATFORM.centre)[2]
+        )
 
     step = 1e-6
     for twist in np.eye(6):
         ends = [
             RigidTransform.from_components(
-                pose.translation + way * twist[:3], Rotation.from_rotvec(way * twist[3:]) * pose.rotation
+                pose.translation + way * twist[:3],
+                Rotation.from_rotvec(way * twist[3:]) * pose.rotation,
             )
             for way in (step, -step)
         ]
@@ -133,7 +165,9 @@ def test_a_round_leg_s_forces_do_not_depend_on_how_its_joint_is_turned(preset, s
     """Slender rods have no spin to tell: the first axis of the universal joint does not matter."""
     motion = moved(preset, spectrum)
     found = [
-        forces(preset, motion, legs=Leg(cylinder(0.4, 0, 0, 0.12), cylinder(0.15, 0, -0.14, 0), axis)).force
+        forces(
+            preset, motion, legs=Leg(cylinder(0.4, 0, 0, 0.12), cylinder(0.15, 0, -0.14, 0), axis)
+        ).force
         for axis in (None, [1, 0, 0], [0.3, 1, 0])
     ]
     for other in found[1:]:
@@ -152,10 +186,14 @@ def test_each_leg_may_be_another(preset):
 
 def test_what_cannot_be_is_refused(preset):
     still = motion_of_poses(preset, preset.home)
-    with pytest.raises(MotionError, match=r"5 legs with inertia \(Leg\); give one Leg for all, or six"):
+    with pytest.raises(
+        MotionError, match=r"5 legs with inertia \(Leg\); give one Leg for all, or six"
+    ):
         forces(preset, still, legs=[LEG] * 5)
     along = preset.home.translation + np.array(preset.platform[0]) - preset.base[0]
-    with pytest.raises(MotionError, match="first axis of leg1's universal joint lies along the leg at home"):
+    with pytest.raises(
+        MotionError, match="first axis of leg1's universal joint lies along the leg at home"
+    ):
         forces(preset, still, legs=Leg(BARREL, ROD, along))
 
 

@@ -1,4 +1,6 @@
-"""One pose with all that belongs to it: against the thesis' angles, the maps, plain geometry, and back again."""
+"""One pose with all that belongs to it: against the thesis' angles, the maps, plain geometry, and
+back again.
+"""
 
 import numpy as np
 import pytest
@@ -15,14 +17,18 @@ def at(machine, position, angles=(0.0, 0.0, 0.0)):
 
 
 def test_the_platforms_directions_are_the_thesis_own(preset):
-    """[Sahbaz 2007, Table 6.4] prints 97, 95.955 and 9.20972° for θ = (6, −7, 0)°; the last is 9.2098°."""
+    """[Sahbaz 2007, Table 6.4] prints 97, 95.955 and 9.20972° for θ = (6, −7, 0)°; the last is
+    9.2098°.
+    """
     found = posture_of_pose(preset, at(preset, [0, 0, 25], [6, -7, 0]))
     assert np.degrees(found.directions) == pytest.approx([97, 95.955, 9.2098], abs=5e-4)
     assert np.degrees(posture_of_pose(preset, preset.home).directions).tolist() == [90, 90, 0]
 
 
 def test_lengths_and_tilts_of_a_hexapod_are_those_of_plain_geometry(preset):
-    """Six lengths, twelve tilts: the leg against z below, and against the platform's z, in its frame, above."""
+    """Six lengths, twelve tilts: the leg against z below, and against the platform's z, in its
+    frame, above.
+    """
     pose = at(preset, [5, 5, 35], [3, -4, 2])
     found = posture_of_pose(preset, pose)
     legs = pose.apply(np.asarray(preset.platform)) - np.asarray(preset.base)
@@ -32,7 +38,9 @@ def test_lengths_and_tilts_of_a_hexapod_are_those_of_plain_geometry(preset):
     assert found.q == pytest.approx(lengths, abs=1e-15)
     assert np.degrees(found.tilt) == pytest.approx(tilts, abs=1e-9)
     assert found.counts.tolist() == np.rint((lengths - preset.home_q) / 0.75e-6).tolist()
-    assert found.from_home.as_matrix() == pytest.approx((preset.home.inv() * pose).as_matrix(), abs=1e-15)
+    assert found.from_home.as_matrix() == pytest.approx(
+        (preset.home.inv() * pose).as_matrix(), abs=1e-15
+    )
     assert found.certified
     assert found.violations == ()
 
@@ -56,14 +64,20 @@ def test_what_is_broken_is_named_with_its_value(preset):
     assert found.violations[0].startswith(told)
     assert not found.margins.ok.any()
     turned = posture_of_pose(preset, at(preset, [0, 0, 5], [0, 0, 60]))
-    assert any(" platform joint tilt: " in told and "more than 35°" in told for told in turned.violations)
+    assert any(
+        " platform joint tilt: " in told and "more than 35°" in told for told in turned.violations
+    )
     tipped = posture_of_pose(preset, at(preset, [0, 0, 0], [0, -45, 0]))
     gap = float(tipped.margins.clearance.min())
-    assert any(f"clearance: they overlap by {-1e3 * gap:.4g} mm" in told for told in tipped.violations)
+    assert any(
+        f"clearance: they overlap by {-1e3 * gap:.4g} mm" in told for told in tipped.violations
+    )
 
 
 def test_another_assembly_is_not_certified(preset):
-    """The same lengths with the platform below its legs' mirror image: a pose, but not where the machine comes to."""
+    """The same lengths with the platform below its legs' mirror image: a pose, but not where the
+    machine comes to.
+    """
     q = preset.home_q
     below = RigidTransform.from_components(-preset.home.translation, preset.home.rotation)
     found = posture_of_axes(preset, q, near=below)
@@ -102,7 +116,9 @@ def test_legs_that_all_meet_one_line_do_not_hold_the_turn_about_it(preset):
     angles = np.radians(60 * np.arange(6))
     around = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1)
     height = 0.2 + 0.03 * np.arange(6)
-    jacobian = np.stack([scaled_row(0.2 * a, 0.1 * a + [0, 0, h]) for a, h in zip(around, height, strict=True)])
+    jacobian = np.stack(
+        [scaled_row(0.2 * a, 0.1 * a + [0, 0, h]) for a, h in zip(around, height, strict=True)]
+    )
     assert np.abs(jacobian @ [0, 0, 0, 0, 0, 1]).max() < 1e-15  # a turn about z moves no leg
     assert "do not constrain the platform" in describe_singularity(preset, jacobian)
 

@@ -1,4 +1,6 @@
-"""What shapers leave of vibrations: against cos(π f / 2 f₀) of two equal impulses half a period apart."""
+"""What shapers leave of vibrations: against cos(π f / 2 f₀) of two equal impulses half a period
+apart.
+"""
 
 from dataclasses import replace
 from math import cos, pi
@@ -23,7 +25,9 @@ def test_undamped_residuals_are_those_of_two_impulses():
     assert first.axes == ("X", "Z")
     assert (first.below, first.stated, first.above) == pytest.approx((-off, 0, -off), abs=1e-12)
     assert second.axes == ("Y",)
-    assert (second.below, second.stated, second.above) == pytest.approx((off**2, 0, off**2), abs=1e-12)
+    assert (second.below, second.stated, second.above) == pytest.approx(
+        (off**2, 0, off**2), abs=1e-12
+    )
     assert first.describe() == "zv 22 Hz: 0.0 % at 22 Hz, 15.6 % at ±10 %"
 
 

@@ -1,4 +1,6 @@
-"""The certificate of forward kinematics: what it claims holds in every assembly mode, and singularities stop it."""
+"""The certificate of forward kinematics: what it claims holds in every assembly mode, and
+singularities stop it.
+"""
 
 import casadi as ca
 import numpy as np
@@ -12,7 +14,9 @@ from tests.pace import cpu_limit
 
 
 def along(start, end, count):
-    """(count, N) poses of the N straight motions, turning steadily about one axis: by SciPy alone."""
+    """(count, N) poses of the N straight motions, turning steadily about one axis: by SciPy
+    alone.
+    """
     turn = (start.rotation.inv() * end.rotation).as_rotvec()
     share = np.linspace(0, 1, count)[:, None, None]
     shift = start.translation + share * (end.translation - start.translation)
@@ -22,10 +26,14 @@ def along(start, end, count):
 
 @pytest.fixture(scope="session")
 def sampled(scaled_jacobian):
-    """Of N straight motions: whether the sign of det J changes (N,), and the least singular value of J met (N,)."""
+    """Of N straight motions: whether the sign of det J changes (N,), and the least singular value
+    of J met (N,).
+    """
 
     def make(machine, start, end, count=257):
-        jacobians = np.stack([scaled_jacobian(machine, poses) for poses in along(start, end, count)])
+        jacobians = np.stack(
+            [scaled_jacobian(machine, poses) for poses in along(start, end, count)]
+        )
         sign = np.sign(np.linalg.det(jacobians))
         return (sign != sign[0]).any(0), np.linalg.svd(jacobians, compute_uv=False)[..., -1].min(0)
 
@@ -33,14 +41,21 @@ def sampled(scaled_jacobian):
 
 
 def test_cells_that_are_proved_hold_no_singularity(legged, poses_about, scaled_jacobian):
-    """Of any width, by themselves: det J at 33 instants of each. Every term of the proof is needed for that."""
+    """Of any width, by themselves: det J at 33 instants of each.
+
+    Every term of the proof is needed for that.
+    """
     machine = legged
     count, random = 3000, np.random.default_rng(14)
     start, end = (poses_about(machine.home, machine, count, 2.0, seed) for seed in (4, 5))
     width = 2.0 ** random.uniform(-6, 0, count)
     low = random.uniform(0, 1 - width)
     size, centre = _bound_cells(
-        machine, straight_parameters(start, end, 1.0), np.tile(machine.home_q, (count, 1)), low, width
+        machine,
+        straight_parameters(start, end, 1.0),
+        np.tile(machine.home_q, (count, 1)),
+        low,
+        width,
     )
     turn = (start.rotation.inv() * end.rotation).as_rotvec()
     signs = []
@@ -57,8 +72,12 @@ def test_cells_that_are_proved_hold_no_singularity(legged, poses_about, scaled_j
 
 
 @pytest.mark.parametrize(("shift", "turn"), [(0.7, 0.3), (2.0, 0.8), (3.0, 3.0)])
-def test_motions_that_cross_a_singularity_are_never_certified(legged, poses_about, sampled, shift, turn):
-    """Against det J at 257 poses of each motion; those that keep well away from zero are all proved."""
+def test_motions_that_cross_a_singularity_are_never_certified(
+    legged, poses_about, sampled, shift, turn
+):
+    """Against det J at 257 poses of each motion; those that keep well away from zero are all
+    proved.
+    """
     machine = legged
     start, end = (poses_about(machine.home, machine, 30, (shift, turn), seed) for seed in (11, 12))
     crosses, least = sampled(machine, start, end)
@@ -70,7 +89,9 @@ def test_motions_that_cross_a_singularity_are_never_certified(legged, poses_abou
 
 
 def test_motions_through_a_singular_pose_are_never_certified(any_hexapod, scaled_jacobian):
-    """In every direction, also where the motion only touches the singular surface and det J keeps its sign."""
+    """In every direction, also where the motion only touches the singular surface and det J keeps
+    its sign.
+    """
     machine = any_hexapod
     random = np.random.default_rng(12)
 
@@ -78,7 +99,8 @@ def test_motions_through_a_singular_pose_are_never_certified(any_hexapod, scaled
         """Along straight motions: scaled shift in the base frame, turn in the platform's."""
         shift, turn = np.split(np.atleast_2d(twist), 2, axis=1)
         return RigidTransform.from_components(
-            pose.translation + machine.characteristic_length * shift, pose.rotation * Rotation.from_rotvec(turn)
+            pose.translation + machine.characteristic_length * shift,
+            pose.rotation * Rotation.from_rotvec(turn),
         )
 
     def det(pose):
@@ -94,9 +116,12 @@ def test_motions_through_a_singular_pose_are_never_certified(any_hexapod, scaled
         same = np.sign(det(moved(machine.home, middle[:, None] * rays))) == np.sign(home)
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     singular = moved(machine.home, low[:, None] * rays)
-    # the direction in which det J changes fastest, by differences: a tangent needs no more than three digits
+    # the direction in which det J changes fastest, by differences: a tangent needs no more than
+    # three digits
     count, step = len(rays), 1e-5
-    slopes = [det(moved(singular, step * e)) - det(moved(singular, -step * e)) for e in np.eye(6)[:, None]]
+    slopes = [
+        det(moved(singular, step * e)) - det(moved(singular, -step * e)) for e in np.eye(6)[:, None]
+    ]
     normal = np.stack(slopes, 1) / np.linalg.norm(slopes, axis=0)[:, None]
     for tangent in (False, True):
         twist = random.normal(size=(count, 6))
@@ -111,12 +136,16 @@ def test_motions_through_a_singular_pose_are_never_certified(any_hexapod, scaled
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_quarter_turn_is_singular(preset, sign):
-    """At ±90° about the axis all six legs are tangents of one screw, at any height [Fichter 1986]."""
+    """At ±90° about the axis all six legs are tangents of one screw, at any height [Fichter
+    1986].
+    """
     for height in (0.0, 0.03, -0.05):
         start = RigidTransform.from_translation(preset.home.translation + np.array([0, 0, height]))
 
         def turned(degrees, start=start):
-            return start * RigidTransform.from_rotation(Rotation.from_euler("z", sign * degrees, degrees=True))
+            return start * RigidTransform.from_rotation(
+                Rotation.from_euler("z", sign * degrees, degrees=True)
+            )
 
         assert prove_regular(preset, start, turned(88)).all()
         assert not prove_regular(preset, start, turned(90)).any()
@@ -125,7 +154,9 @@ def test_a_quarter_turn_is_singular(preset, sign):
 
 
 class Cubic(Machine):
-    """q = (x − x³, y, z, R₃₂, R₁₃, R₂₁): det J = 1 − 3x² without a turn, whose slope vanishes in the middle."""
+    """q = (x − x³, y, z, R₃₂, R₁₃, R₂₁): det J = 1 − 3x² without a turn, whose slope vanishes in
+    the middle.
+    """
 
     characteristic_length = 1.0
 
@@ -134,10 +165,18 @@ class Cubic(Machine):
         return ca.vertcat(x - x**3, y, z, rotation[2, 1], rotation[0, 2], rotation[1, 0])
 
 
-@pytest.mark.parametrize(("reach", "free"), [(0.5, True), (0.577, True), (0.578, False), (0.7, False), (3.0, False)])
+@pytest.mark.parametrize(
+    ("reach", "free"), [(0.5, True), (0.577, True), (0.578, False), (0.7, False), (3.0, False)]
+)
 def test_curvature_alone_can_reach_a_singularity(reach, free):
-    """From −x to x, singular at ±1/√3: the same sign at both ends, and no first-order change over the whole motion."""
-    machine = Cubic("cubic", [Axis(name) for name in ("x", "y", "z", "rx", "ry", "rz")], RigidTransform.identity())
+    """From −x to x, singular at ±1/√3: the same sign at both ends, and no first-order change over
+    the whole motion.
+    """
+    machine = Cubic(
+        "cubic",
+        [Axis(name) for name in ("x", "y", "z", "rx", "ry", "rz")],
+        RigidTransform.identity(),
+    )
     ends = (RigidTransform.from_translation([[sign * reach, 0.3 * sign, 0]]) for sign in (-1, 1))
     assert prove_regular(machine, *ends).tolist() == [free]
 
@@ -145,15 +184,20 @@ def test_curvature_alone_can_reach_a_singularity(reach, free):
 def test_flat_platforms_are_singular(preset):
     """All joints in one plane: no leg resists lifting, however the platform moves in that plane."""
     flat = RigidTransform.from_translation([0, 0, 0.0225])
-    shifted = RigidTransform.from_components([0.01, 0.02, 0.0225], Rotation.from_euler("z", 20, degrees=True))
+    shifted = RigidTransform.from_components(
+        [0.01, 0.02, 0.0225], Rotation.from_euler("z", 20, degrees=True)
+    )
     assert not prove_regular(preset, flat, flat).any()
     assert not prove_regular(preset, flat, shifted).any()
     assert not prove_regular(preset, shifted, preset.home).any()
 
 
 def test_certified_answers_come_along_regular_motions(any_hexapod, poses_about, sampled):
-    """Wherever its start led Newton: what is certified has the lengths asked for, and a motion free of zeros."""
-    machine = any_hexapod  # machines of fewer legs have a mirror image only, to which Newton hardly strays
+    """Wherever its start led Newton: what is certified has the lengths asked for, and a motion free
+    of zeros.
+    """
+    # machines of fewer legs have a mirror image only, to which Newton hardly strays
+    machine = any_hexapod
     random = np.random.default_rng(13)
     far = poses_about(machine.home, machine, 300, 1.8)
     near = poses_about(machine.home, machine, 300, 0.2, seed=3)
@@ -168,8 +212,12 @@ def test_certified_answers_come_along_regular_motions(any_hexapod, poses_about, 
 
 
 def test_a_machine_that_is_singular_everywhere_is_answered_soon(poses_about, monkeypatch):
-    """Similar hexagons joined corner to corner never resist all six motions: nothing to certify, and no long search."""
-    monkeypatch.setattr("kinematics.kinds.legged._refuse_coincident", lambda *_: None)  # else it is no machine
+    """Similar hexagons joined corner to corner never resist all six motions: nothing to certify,
+    and no long search.
+    """
+    monkeypatch.setattr(
+        "kinematics.kinds.legged._refuse_coincident", lambda *_: None
+    )  # else it is no machine
     base, platform = joint_circle(0.2, np.pi / 3, 0.0), joint_circle(0.1, np.pi / 3, 0.0)
     home = RigidTransform.from_translation([0, 0, 0.2])
     machine = Hexapod(base, platform, axes=[Axis(f"leg{n}") for n in range(1, 7)], home=home)
@@ -182,7 +230,9 @@ def test_a_machine_that_is_singular_everywhere_is_answered_soon(poses_about, mon
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("height", [0.0225, -1e-9, 1e6])
 def test_a_bad_start_is_not_certified(preset, sampled, height):
-    """In the plane of the base, and out of all proportion: the answer may be wrong, but it is not called certified."""
+    """In the plane of the base, and out of all proportion: the answer may be wrong, but it is not
+    called certified.
+    """
     start = RigidTransform.from_translation([[0, 0, height]])
     with cpu_limit(5.0):
         found = preset.forward(preset.home_q[None], start)
@@ -191,11 +241,14 @@ def test_a_bad_start_is_not_certified(preset, sampled, height):
 
 
 def test_a_linkage_does_not_cross_its_base_line():
-    """The joint of the two actuators lies on one side of a–b or on the other, and on the line they are singular."""
+    """The joint of the two actuators lies on one side of a–b or on the other, and on the line they
+    are singular.
+    """
     linkage = load_machine("linkage")
     q = linkage.home_q + np.random.default_rng(15).uniform(-0.05, 0.05, (200, 2))
     here, beyond = (
-        RigidTransform.from_translation(np.pad(linkage.realised(q, side), ((0, 0), (0, 1)))) for side in (1, -1)
+        RigidTransform.from_translation(np.pad(linkage.realised(q, side), ((0, 0), (0, 1))))
+        for side in (1, -1)
     )
     home = RigidTransform.from_matrix(np.tile(linkage.home.as_matrix(), (200, 1, 1)))
     assert prove_regular(linkage, home, here).all()

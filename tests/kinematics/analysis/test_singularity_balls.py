@@ -1,4 +1,6 @@
-"""Compiled balls: what they enclose contains the exact value, and what may have no bound has none."""
+"""Compiled balls: what they enclose contains the exact value, and what may have no bound has
+none.
+"""
 
 from fractions import Fraction
 from math import atan2, cos, isfinite, isqrt, sin
@@ -37,7 +39,9 @@ def compiled(name):
 
 
 COMPILED = {name: compiled(name) for name in OPERATIONS}
-values = st.one_of(*(st.floats(low, high) for low, high in ((-1e6, -1e-6), (1e-6, 1e6), (-4, -0.25), (0.25, 4))))
+values = st.one_of(
+    *(st.floats(low, high) for low, high in ((-1e6, -1e-6), (1e-6, 1e6), (-4, -0.25), (0.25, 4)))
+)
 radii = st.one_of(st.just(0.0), st.floats(1e-12, 1e3), st.floats(1e-3, 0.5))
 shares = st.sampled_from([Fraction(n, 4) for n in range(-4, 5)])
 
@@ -87,8 +91,14 @@ def test_the_exact_value_lies_in_the_ball(name, mid, rad, share):
         ("sign", (0.1, 0.1, 0.0, 0.0)),
         ("atan2", (0.0, 0.1, -1.0, 0.1)),
         ("atan2", (0.1, 0.2, 0.1, 0.2)),
-        *((name, (1.0, np.inf, 1.0, np.inf)) for name in ("add", "sub", "mul", "div", "neg", "sqrt", "sign", "atan2")),
-        *((name, (0.0, np.nan, 1.0, np.nan)) for name in ("add", "sub", "mul", "div", "neg", "sqrt", "sign", "atan2")),
+        *(
+            (name, (1.0, np.inf, 1.0, np.inf))
+            for name in ("add", "sub", "mul", "div", "neg", "sqrt", "sign", "atan2")
+        ),
+        *(
+            (name, (0.0, np.nan, 1.0, np.nan))
+            for name in ("add", "sub", "mul", "div", "neg", "sqrt", "sign", "atan2")
+        ),
     ],
 )
 def test_what_has_no_bound_gets_none(name, ball):

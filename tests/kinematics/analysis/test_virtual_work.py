@@ -1,4 +1,6 @@
-"""Forces as one expression: against pinocchio and the twist formulation, and against energies of another making."""
+"""Forces as one expression: against pinocchio and the twist formulation, and against energies of
+another making.
+"""
 
 from dataclasses import replace
 
@@ -6,11 +8,29 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Body, Hexapod, Leg, Load, MotionError, Traverser, forces, load_machine, motion_of_poses
+from kinematics import (
+    Axis,
+    Body,
+    Hexapod,
+    Leg,
+    Load,
+    MotionError,
+    Traverser,
+    forces,
+    load_machine,
+    motion_of_poses,
+)
 from kinematics.machine.pose import to_numbers
 
-PLATFORM = Body(3.0, [0.01, -0.02, 0.03], [[0.03, 0.002, 0.001], [0.002, 0.04, -0.003], [0.001, -0.003, 0.05]])
-BARREL = Body(0.4, [0.004, -0.003, 0.06], [[8e-4, 2e-5, 1e-5], [2e-5, 9e-4, -1e-5], [1e-5, -1e-5, 3e-4]], "barrel")
+PLATFORM = Body(
+    3.0, [0.01, -0.02, 0.03], [[0.03, 0.002, 0.001], [0.002, 0.04, -0.003], [0.001, -0.003, 0.05]]
+)
+BARREL = Body(
+    0.4,
+    [0.004, -0.003, 0.06],
+    [[8e-4, 2e-5, 1e-5], [2e-5, 9e-4, -1e-5], [1e-5, -1e-5, 3e-4]],
+    "barrel",
+)
 ROD = Body(0.15, [0.001, 0.002, -0.07], [[3e-4, 0, 1e-5], [0, 3e-4, 0], [1e-5, 0, 1e-5]], "rod")
 LEG = Leg(BARREL, ROD, [0.9, 0.3, 0.1])
 WRENCH = np.array([12.0, -7.0, -40.0, 1.0, -2.0, 0.5])
@@ -47,7 +67,10 @@ def agree_along_a_path(machine, motion):
     x, x1, x2 = np.split(every[:, :36], 3, 1)
     q, q1, q2 = np.split(every[:, 36:], 3, 1)
     motions = (0 * x, 0 * x, 0 * q, 0 * q), (0 * x, x1, 0 * q, q1), (x1, x2, q1, q2)
-    expected = [machine.force_map(np.concatenate([x, dx, ddx, q, dq, ddq], 1)) for dx, ddx, dq, ddq in motions]
+    expected = [
+        machine.force_map(np.concatenate([x, dx, ddx, q, dq, ddq], 1))
+        for dx, ddx, dq, ddq in motions
+    ]
     found = machine.force_terms_map(every).reshape(-1, 3, n)
     assert np.abs(found - np.stack(expected, 1)).max() < 1e-12 * np.abs(expected).max()
 
@@ -63,7 +86,10 @@ def agree(machine, motion, tolerance):
 
 
 def test_forces_are_the_twist_formulation_s(machine, spectrum):
-    """Every kind: platform, wrench, a base that leans. Jacobians there, transposed derivatives here: rounding only."""
+    """Every kind: platform, wrench, a base that leans.
+
+    Jacobians there, transposed derivatives here: rounding only.
+    """
     if machine.name == "arm":
         pytest.importorskip("pinocchio")
     agree(machine.carrying(Load(PLATFORM, (), TILTED, WRENCH)), moved(machine, spectrum), 1e-12)
@@ -78,7 +104,9 @@ def test_forces_of_legs_are_pinocchio_s(any_hexapod, spectrum):
 
 def test_each_leg_may_be_another(preset, spectrum):
     pytest.importorskip("pinocchio")
-    legs = [Leg(BARREL, Body(0.1 * (k + 1), ROD.centre, ROD.inertia), [1, 0.2 * k, 0]) for k in range(6)]
+    legs = [
+        Leg(BARREL, Body(0.1 * (k + 1), ROD.centre, ROD.inertia), [1, 0.2 * k, 0]) for k in range(6)
+    ]
     agree(preset.carrying(Load(PLATFORM, legs)), moved(preset, spectrum), 1e-10)
 
 
@@ -105,17 +133,23 @@ def test_a_tripod_s_legs_take_the_rate_of_their_energy(spectrum):
 
 def test_what_an_axis_carries_by_itself_is_added(preset, spectrum):
     """friction · q̇ + reflected · q̈, to rounding; `forces` adds the same."""
-    axes = [replace(axis, friction=10.0 * k, reflected=0.1 * k) for k, axis in enumerate(preset.axes)]
+    axes = [
+        replace(axis, friction=10.0 * k, reflected=0.1 * k) for k, axis in enumerate(preset.axes)
+    ]
     own = Hexapod(preset.base, preset.platform, axes=axes, home=preset.home, load=Load(PLATFORM))
     motion = moved(preset, spectrum)
-    extra = own.force_map(inputs(motion)) - preset.carrying(Load(PLATFORM)).force_map(inputs(motion))
+    extra = own.force_map(inputs(motion)) - preset.carrying(Load(PLATFORM)).force_map(
+        inputs(motion)
+    )
     expected = 10.0 * np.arange(6) * motion.qd + 0.1 * np.arange(6) * motion.qdd
     assert extra == pytest.approx(expected, rel=1e-9, abs=1e-11)
     agree(own, motion, 1e-12)
 
 
 def test_what_has_to_be_pushed(preset):
-    """A machine without masses, friction or wrench has nothing to push; an arm's links weigh what its URDF says."""
+    """A machine without masses, friction or wrench has nothing to push; an arm's links weigh what
+    its URDF says.
+    """
     assert not preset.loaded
     for load in (Load(PLATFORM), Load(legs=LEG), Load(wrench=WRENCH)):
         assert preset.carrying(load).loaded
@@ -126,7 +160,9 @@ def test_what_has_to_be_pushed(preset):
 
 
 def test_another_load_leaves_the_machine_as_it_is(preset):
-    pose = RigidTransform.from_components(preset.home.translation + np.array([0, 0, 0.02]), Rotation.identity())
+    pose = RigidTransform.from_components(
+        preset.home.translation + np.array([0, 0, 0.02]), Rotation.identity()
+    )
     at = np.concatenate([to_numbers(pose), [preset.inverse(pose)]], 1)
     light, heavy = (preset.carrying(Load(Body(mass))) for mass in (1.0, 2.0))
     once = light.holding_map(at)
@@ -149,8 +185,14 @@ def test_a_singular_pose_gives_no_force():
         (lambda: Load(gravity=[0, 0]), "gravity must be finite numbers"),
         (lambda: Load(wrench=[0, 0, np.nan, 0, 0, 0]), "wrench must be finite numbers"),
         (lambda: load_machine("linkage").carrying(Load(legs=LEG)), "machine linkage has no legs"),
-        (lambda: load_machine("tripod").carrying(Load(legs=[LEG] * 6)), "6 legs with masses; give one for all, or 3"),
-        (lambda: Axis("z", friction=-1.0), "friction must be one finite number not below 0, not -1.0"),
+        (
+            lambda: load_machine("tripod").carrying(Load(legs=[LEG] * 6)),
+            "6 legs with masses; give one for all, or 3",
+        ),
+        (
+            lambda: Axis("z", friction=-1.0),
+            "friction must be one finite number not below 0, not -1.0",
+        ),
         (lambda: Axis("z", reflected=np.inf), "reflected must be .* not inf"),
     ],
 )

@@ -1,4 +1,6 @@
-"""The workspace: proofs against points, machines whose reach is known, and the largest boxes and spheres in it."""
+"""The workspace: proofs against points, machines whose reach is known, and the largest boxes and
+spheres in it.
+"""
 
 from itertools import product
 from typing import ClassVar
@@ -50,7 +52,9 @@ def tether(shortest, longest, home=0.5):
 
 @pytest.fixture(scope="module")
 def reaches(preset):
-    """The preset's workspace in planes and volumes, level and tilted, and of one that every limit bounds."""
+    """The preset's workspace in planes and volumes, level and tilted, and of one that every limit
+    bounds.
+    """
     tilted = Rotation.from_euler("XYZ", [6, -7, 3], degrees=True)
     slides = [Axis(f"leg{n}", travel=(0, 0.1)) for n in range(1, 7)]
     limits = {"max_tilt": np.deg2rad(40), "leg_radius": 0.036}
@@ -79,13 +83,18 @@ def test_every_point_of_a_proved_cell_is_inside(reaches):
     for reach in reaches:
         assert reach.proved.sum() > 30
         low, high = cells_of(reach, reach.proved)
-        for share in (random.uniform(size=(20_000 // len(low), len(low), 3)), random.integers(0, 2, (8, len(low), 3))):
+        for share in (
+            random.uniform(size=(20_000 // len(low), len(low), 3)),
+            random.integers(0, 2, (8, len(low), 3)),
+        ):
             points = (low + share * (high - low)).reshape(-1, 3)
             assert uses(reach.machine, reach.rotation, points).max() <= 1 + 1e-9
 
 
 def test_a_cell_is_proved_unless_a_limit_is_near(reaches):
-    """Where all nodes are inside, hardly a cell is left unproved, and it is one that a limit grazes."""
+    """Where all nodes are inside, hardly a cell is left unproved, and it is one that a limit
+    grazes.
+    """
     for reach in reaches:
         inside = reach.reachable
         for k in range(3):
@@ -109,10 +118,14 @@ def test_all_limits_count(reaches):
 
 
 def test_a_box_is_told_of_its_bad_corner():
-    """In a ball of radius 1, a cube of half side 0.65: faces at 0.65, edges at 0.92, corners at 1.126."""
+    """In a ball of radius 1, a cube of half side 0.65: faces at 0.65, edges at 0.92, corners at
+    1.126.
+    """
     reach = workspace(tether(0, 1), cells=8)
     half = np.full(3, 0.65)
-    for axis, sign in product(range(3), (-1, 1)):  # the middles of its faces and, of these, of their edges
+    for axis, sign in product(
+        range(3), (-1, 1)
+    ):  # the middles of its faces and, of these, of their edges
         face = np.zeros(3)
         face[axis] = sign * 0.65
         edge = face + 0.65 * np.roll(np.eye(3)[axis], 1)
@@ -146,7 +159,9 @@ def test_a_limit_that_is_just_reached_is_kept():
 
 
 def test_what_is_not_proved_is_not_called_so(preset):
-    """Without halving, the enclosure of a large box is too wide; nothing outside is found, and that is what is told."""
+    """Without halving, the enclosure of a large box is too wide; nothing outside is found, and that
+    is what is told.
+    """
     low, high = np.array([-0.03, -0.03, 0.25]), np.array([0.03, 0.03, 0.26])
     told = contains(preset, preset.home.rotation, low, high, depth=0)
     assert not told
@@ -164,7 +179,11 @@ def measure_volume(reach):
 
 def test_a_gantry_reaches_its_travel():
     reach = workspace(
-        gantry(x=(-0.3, 0.5), y=(-0.2, 0.1), z=(0, 0.05)), x=(-0.3, 0.5), y=(-0.2, 0.1), z=(0, 0.05), cells=8
+        gantry(x=(-0.3, 0.5), y=(-0.2, 0.1), z=(0, 0.05)),
+        x=(-0.3, 0.5),
+        y=(-0.2, 0.1),
+        z=(0, 0.05),
+        cells=8,
     )
     assert reach.proved.all()
     box, sphere = reach.largest_box(), reach.largest_sphere(around=[0, 0, 0.02])
@@ -172,11 +191,15 @@ def test_a_gantry_reaches_its_travel():
     assert box.high == pytest.approx([0.5, 0.1, 0.05])
     assert measure_volume(reach) == pytest.approx(0.8 * 0.3 * 0.05)
     assert sphere.radius == pytest.approx(0.02)  # to the floor
-    assert reach.largest_sphere().radius == pytest.approx(0.025, rel=1 / 8)  # no cell's centre lies in the middle
+    assert reach.largest_sphere().radius == pytest.approx(
+        0.025, rel=1 / 8
+    )  # no cell's centre lies in the middle
 
 
 def test_the_largest_in_a_ball():
-    """Radius 1: the cube with corners on the surface, and the ball itself; a grid of 24 loses a cell at every side."""
+    """Radius 1: the cube with corners on the surface, and the ball itself; a grid of 24 loses a
+    cell at every side.
+    """
     reach = workspace(tether(0, 1), x=(-1.1, 1.1), y=(-1.1, 1.1), z=(-1.1, 1.1), cells=24)
     side, cell = 2 / np.sqrt(3), 2.2 / 24
     box = reach.largest_box()
@@ -184,7 +207,9 @@ def test_the_largest_in_a_ball():
     assert np.abs([box.low, box.high]).max() < 1
     assert reach.contains(box.low, box.high)
     sphere = reach.largest_sphere()
-    assert 1 - np.sqrt(3) * cell <= sphere.radius < 1  # a cell's diagonal, about a node in the middle
+    assert (
+        1 - np.sqrt(3) * cell <= sphere.radius < 1
+    )  # a cell's diagonal, about a node in the middle
     assert np.linalg.norm(sphere.centre) + sphere.radius <= 1
     ball = 4 / 3 * np.pi
     assert ball - 4 * np.pi * 2 * cell < measure_volume(reach) < ball
@@ -210,7 +235,9 @@ def test_a_plane_is_a_plane(reaches):
         assert reach.contains(box.low, box.high)
         turn = np.linspace(0, 2 * np.pi, 400)
         rim = np.tile(sphere.centre, (400, 1))
-        rim[:, [k for k in range(3) if k != held]] += sphere.radius * np.stack([np.cos(turn), np.sin(turn)], 1)
+        rim[:, [k for k in range(3) if k != held]] += sphere.radius * np.stack(
+            [np.cos(turn), np.sin(turn)], 1
+        )
         assert uses(reach.machine, reach.rotation, rim).max() <= 1 + 1e-9
 
 
@@ -227,10 +254,12 @@ def test_spheres_stay_clear_of_all_that_is_not_proved(reaches):
         sphere = reach.largest_sphere()
         assert sphere.radius == pytest.approx(radius(sphere.centre), rel=1e-12)
         low, high = cells_of(reach, reach.proved)
-        candidates = (low[:, None] + np.array(list(product((0, 0.5, 1), repeat=3))) * (high - low)[:, None]).reshape(
-            -1, 3
+        candidates = (
+            low[:, None] + np.array(list(product((0, 0.5, 1), repeat=3))) * (high - low)[:, None]
+        ).reshape(-1, 3)
+        assert sphere.radius == pytest.approx(
+            max(map(radius, np.unique(candidates, axis=0))), rel=1e-12
         )
-        assert sphere.radius == pytest.approx(max(map(radius, np.unique(candidates, axis=0))), rel=1e-12)
 
 
 def volume(solid, first, end, sides):
@@ -240,7 +269,11 @@ def volume(solid, first, end, sides):
 
 @settings(max_examples=60, deadline=None)
 @given(
-    arrays(bool, st.tuples(*[st.integers(1, 4)] * 3), elements=st.sampled_from([True, True, True, False])),
+    arrays(
+        bool,
+        st.tuples(*[st.integers(1, 4)] * 3),
+        elements=st.sampled_from([True, True, True, False]),
+    ),
     st.booleans(),
     st.randoms(use_true_random=False),
 )
@@ -251,14 +284,18 @@ def test_no_block_is_larger(solid, around, random):
     best = 0
     for first in np.ndindex(*solid.shape):
         for end in product(*(range(f + 1, n + 1) for f, n in zip(first, solid.shape, strict=True))):
-            held = holding is None or all(f <= h < e for f, h, e in zip(first, holding, end, strict=True))
+            held = holding is None or all(
+                f <= h < e for f, h, e in zip(first, holding, end, strict=True)
+            )
             best = max(best, held * volume(solid, first, end, sides))
     found = largest_block(solid, sides, holding)
     if found is None:
         assert best == 0
     else:
         assert volume(solid, *found, sides) == pytest.approx(best)
-        assert holding is None or all(f <= h < e for f, h, e in zip(found[0], holding, found[1], strict=True))
+        assert holding is None or all(
+            f <= h < e for f, h, e in zip(found[0], holding, found[1], strict=True)
+        )
 
 
 # its extent, its figure, and what it refuses
@@ -314,7 +351,9 @@ def test_refusals(preset, reaches):
         workspace(preset, x=(np.nan, 0))
     with pytest.raises(MotionError, match="cells must be a whole number from 1 to 1000, not 0"):
         workspace(preset, cells=0)
-    with pytest.raises(MotionError, match=r"nothing inside all limits .* at \(0, 0, 233\.636\) mm: leg\d"):
+    with pytest.raises(
+        MotionError, match=r"nothing inside all limits .* at \(0, 0, 233\.636\) mm: leg\d"
+    ):
         workspace(preset, rotation=Rotation.from_rotvec([2, 0, 0]))
     with pytest.raises(MotionError, match="y = 5000 mm lies outside the grid"):
         reaches[2].largest_box(around=[0, 5, 0.26])
@@ -342,9 +381,14 @@ def test_a_figure_shows_the_limits_that_there_are_and_where_reach_ends():
     swing = Swing("swing", axes, RigidTransform.identity())
     ax = workspace(swing, x=(-1.5, 1.5), y=(-1.5, 1.5), z=0.0, cells=60).plot()
     told = ax.get_legend_handles_labels()[1]
-    assert [text for text in told if "largest" not in text] == ["travel limit", "end of reach"]  # no tilt, no bodies
+    assert [text for text in told if "largest" not in text] == [
+        "travel limit",
+        "end of reach",
+    ]  # no tilt, no bodies
     borders = [drawn for drawn in ax.collections if isinstance(drawn, ContourSet)]
-    travel, end = (np.concatenate([path.vertices for path in border.get_paths()]) for border in borders)
+    travel, end = (
+        np.concatenate([path.vertices for path in border.get_paths()]) for border in borders
+    )
     # where the rod stands half a metre up, drawn between nodes; and to a cell, whose side is 50 mm
     assert np.linalg.norm(travel, axis=1) == pytest.approx(1e3 * np.sqrt(0.75), abs=25)
     assert np.linalg.norm(end, axis=1) == pytest.approx(1e3, abs=50)

@@ -14,10 +14,14 @@ from kinematics.foundation.arrays import Array
 from kinematics.machine.pose import make_pose
 
 JOINTS, OFFSETS, FACTORS = 0.5e-3, 0.5e-3, 200e-6
-"""Standard deviation of each coordinate of a joint and each length (m), and of each pulse's share."""
+"""Standard deviation of each coordinate of a joint and each length (m), and of each pulse's
+share.
+"""
 NOISE = Noise(5e-6, 20e-6)
 REACH, TILT, MIDDLE = 0.020, np.deg2rad(10), 0.025
-"""Half ranges of position (m) and angles (rad), and the height above home (m) about which poses are drawn."""
+"""Half ranges of position (m) and angles (rad), and the height above home (m) about which poses are
+drawn.
+"""
 ALL_PARTS = ("factors", "offsets", "joints")
 
 
@@ -31,7 +35,9 @@ class BuiltMachine:
     factors: Array
 
     def poses(self, commanded: Pose) -> Pose:
-        """Return the poses, from the nominal home, that the machine reaches when the nominal one is sent."""
+        """Return the poses, from the nominal home, that the machine reaches when the nominal one is
+        sent.
+        """
         target = self.nominal.home * commanded
         sent = self.nominal.inverse(target) - self.nominal.home_q
         lengths = self.nominal.home_q + self.offsets + self.factors * sent
@@ -40,9 +46,13 @@ class BuiltMachine:
 
 def draw(nominal: Hexapod, random: np.random.Generator) -> BuiltMachine:
     """Return a machine with random errors."""
-    base, platform = (joints + random.normal(0, JOINTS, (6, 3)) for joints in (nominal.base, nominal.platform))
+    base, platform = (
+        joints + random.normal(0, JOINTS, (6, 3)) for joints in (nominal.base, nominal.platform)
+    )
     built = Hexapod(base, platform, axes=nominal.axes, home=nominal.home)
-    return BuiltMachine(nominal, built, random.normal(0, OFFSETS, 6), 1 + random.normal(0, FACTORS, 6))
+    return BuiltMachine(
+        nominal, built, random.normal(0, OFFSETS, 6), 1 + random.normal(0, FACTORS, 6)
+    )
 
 
 def draw_commands(random: np.random.Generator, count: int = 40) -> Pose:
@@ -59,7 +69,9 @@ def add_noise(pose: Pose, random: np.random.Generator) -> Pose:
 
 
 def predict_poses(nominal: Machine, calibrated: Machine, commanded: Pose) -> Pose:
-    """Return the poses of the calibrated machine, from the nominal home, at the counts of the nominal one."""
+    """Return the poses of the calibrated machine, from the nominal home, at the counts of the
+    nominal one.
+    """
     target = nominal.home * commanded
     counts = (nominal.inverse(target) - nominal.home_q) / [axis.pulse for axis in nominal.axes]
     lengths = calibrated.home_q + counts * [axis.pulse for axis in calibrated.axes]
@@ -70,4 +82,7 @@ def rms(predicted: Pose, expected: Pose) -> dict[str, float]:
     """Return the root mean square of a component of position (m) and of rotation (rad)."""
     turn = (predicted.rotation * expected.rotation.inv()).as_rotvec()
     shift = predicted.translation - expected.translation
-    return {"position": float(np.sqrt(np.mean(shift**2))), "rotation": float(np.sqrt(np.mean(turn**2)))}
+    return {
+        "position": float(np.sqrt(np.mean(shift**2))),
+        "rotation": float(np.sqrt(np.mean(turn**2))),
+    }

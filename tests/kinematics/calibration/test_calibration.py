@@ -1,4 +1,6 @@
-"""Calibration: known errors are found again, their uncertainty is honest, and the thesis' own data give their cause."""
+"""Calibration: known errors are found again, their uncertainty is honest, and the thesis' own data
+give their cause.
+"""
 
 from dataclasses import replace
 
@@ -10,7 +12,16 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Hexapod, Machine, MotionError, Noise, calibrate, load_measurements, whole_poses
+from kinematics import (
+    Axis,
+    Hexapod,
+    Machine,
+    MotionError,
+    Noise,
+    calibrate,
+    load_measurements,
+    whole_poses,
+)
 from kinematics.calibration import PARTS
 from kinematics.calibration.checks import axis_checks
 from kinematics.calibration.measurements import select_rows
@@ -38,7 +49,9 @@ def real(preset):
 
 @pytest.fixture(scope="module")
 def identified(preset):
-    """48 parameters from 40 noisy poses, by seed: errors of 40 other poses as measured, and in truth."""
+    """48 parameters from 40 noisy poses, by seed: errors of 40 other poses as measured, and in
+    truth.
+    """
 
     def calibrate_drawn(seed):
         random = np.random.default_rng(seed)
@@ -60,7 +73,8 @@ def spoiled(machine, seed):
     size = machine.characteristic_length
     commanded, measured = (
         RigidTransform.from_components(
-            size * random.uniform(-0.1, 0.1, (4, 3)), Rotation.from_rotvec(random.uniform(-0.1, 0.1, (4, 3)))
+            size * random.uniform(-0.1, 0.1, (4, 3)),
+            Rotation.from_rotvec(random.uniform(-0.1, 0.1, (4, 3))),
         )
         for _ in range(2)
     )
@@ -74,12 +88,19 @@ def test_the_jacobian_is_that_of_the_errors(any_hexapod):
     step = 1e-4
     for k in range(len(theta)):
         change = step * np.eye(len(theta))[k]
-        one, two = (prediction.at(theta + n * change)[0] - prediction.at(theta - n * change)[0] for n in (1, 2))
-        np.testing.assert_allclose(jacobian[..., k], (8 * one - two) / (12 * step), rtol=1e-6, atol=1e-7)
+        one, two = (
+            prediction.at(theta + n * change)[0] - prediction.at(theta - n * change)[0]
+            for n in (1, 2)
+        )
+        np.testing.assert_allclose(
+            jacobian[..., k], (8 * one - two) / (12 * step), rtol=1e-6, atol=1e-7
+        )
 
 
 def test_a_prediction_closes_the_machine(any_hexapod):
-    """The predicted pose has, with the changed joints, the lengths that were sent: written out again."""
+    """The predicted pose has, with the changed joints, the lengths that were sent: written out
+    again.
+    """
     prediction, theta = spoiled(any_hexapod, 4)
     vector, machine = prediction.vector, any_hexapod
     base, platform = theta[vector.joints()].reshape(2, 6, 3)
@@ -97,9 +118,15 @@ def test_a_prediction_closes_the_machine(any_hexapod):
 def test_what_is_measured_without_noise_is_found(preset, seed, factor, yaw):
     random = np.random.default_rng(seed)
     commanded = draw_commands(random, 8)
-    lengths = preset.home_q + (1 + factor) * (preset.inverse(preset.home * commanded) - preset.home_q)
-    frame = RigidTransform.from_components(random.uniform(-0.5, 0.5, 3), Rotation.from_euler("XYZ", [0.02, -0.03, yaw]))
-    measured = frame * preset.home.inv() * preset.forward(lengths, near=preset.home * commanded).pose
+    lengths = preset.home_q + (1 + factor) * (
+        preset.inverse(preset.home * commanded) - preset.home_q
+    )
+    frame = RigidTransform.from_components(
+        random.uniform(-0.5, 0.5, 3), Rotation.from_euler("XYZ", [0.02, -0.03, yaw])
+    )
+    measured = (
+        frame * preset.home.inv() * preset.forward(lengths, near=preset.home * commanded).pose
+    )
     found = calibrate(preset, whole_poses(commanded, measured), ("factor", "frame"))
     assert found["factor"].value == pytest.approx(1 + factor, abs=1e-9)
     seen = [found[f"frame {name}"].value for name in ("x", "y", "z", "rx", "ry", "rz")]
@@ -116,8 +143,12 @@ def test_all_48_parameters_are_found_without_noise(preset):
     # forward kinematics leaves 1e-14 m, the smallest singular value amplifies it ten thousand times
     np.testing.assert_allclose(found.machine.base, drawn.built.base, atol=1e-8)
     np.testing.assert_allclose(found.machine.platform, drawn.built.platform, atol=1e-8)
-    np.testing.assert_allclose([found[f"leg{n} factor"].value for n in range(1, 7)], drawn.factors, atol=1e-8)
-    np.testing.assert_allclose([found[f"leg{n} offset"].value for n in range(1, 7)], drawn.offsets, atol=1e-8)
+    np.testing.assert_allclose(
+        [found[f"leg{n} factor"].value for n in range(1, 7)], drawn.factors, atol=1e-8
+    )
+    np.testing.assert_allclose(
+        [found[f"leg{n} offset"].value for n in range(1, 7)], drawn.offsets, atol=1e-8
+    )
     errors = rms(predict_poses(preset, found.machine, held), drawn.poses(held))
     assert errors["position"] < 1e-10
     assert errors["rotation"] < 1e-9
@@ -130,7 +161,8 @@ def test_held_out_poses_are_predicted(identified, seed):
     found, measured, truth = identified[seed]
     for name, limit in TARGETS.items():
         assert measured[name] <= limit
-    # 48 parameters from 240 values leave, on average over the fitted poses, √(48/240) of the noise in the prediction
+    # 48 parameters from 240 values leave, on average over the fitted poses, √(48/240) of the noise
+    # in the prediction
     share = np.sqrt(48 / 240)
     assert truth["position"] == pytest.approx(share * NOISE.position, rel=0.5)
     assert truth["rotation"] == pytest.approx(share * NOISE.rotation, rel=0.5)
@@ -141,14 +173,19 @@ def test_held_out_poses_are_predicted(identified, seed):
 
 
 def test_standard_errors_are_those_of_the_estimates(preset, identified):
-    """Over seeds, (estimate − truth) / standard error has a variance of one for every kind of parameter."""
+    """Over seeds, (estimate − truth) / standard error has a variance of one for every kind of
+    parameter.
+    """
     deviations = []
     for seed, (found, _, _) in identified.items():
         drawn = draw(preset, np.random.default_rng(seed))
         joints = np.concatenate([drawn.built.base.ravel(), drawn.built.platform.ravel()])
         expected = np.concatenate([drawn.factors, drawn.offsets, joints])
-        deviations.append([(p.value - e) / p.error for p, e in zip(found.parameters, expected, strict=True)])
-    # 144 deviations, of which perhaps half are independent: 1 ± 0.35 is three of their standard deviations
+        deviations.append(
+            [(p.value - e) / p.error for p, e in zip(found.parameters, expected, strict=True)]
+        )
+    # 144 deviations, of which perhaps half are independent: 1 ± 0.35 is three of their standard
+    # deviations
     assert np.sqrt(np.mean(np.square(deviations))) == pytest.approx(1, abs=0.35)
 
 
@@ -156,7 +193,12 @@ def test_less_noise_gives_smaller_standard_errors_in_proportion(preset):
     random = np.random.default_rng(1)
     used = draw_commands(random, 10)
     errors = [
-        [p.error for p in calibrate(preset, whole_poses(used, used, noise=noise), ("factor", "frame")).parameters]
+        [
+            p.error
+            for p in calibrate(
+                preset, whole_poses(used, used, noise=noise), ("factor", "frame")
+            ).parameters
+        ]
         for noise in (Noise(5e-6, 2e-5), Noise(1e-6, 4e-6))
     ]
     np.testing.assert_allclose(errors[0], 5 * np.array(errors[1]), rtol=1e-6)
@@ -166,12 +208,16 @@ def test_residuals_beyond_the_stated_noise_widen_the_errors(preset):
     random = np.random.default_rng(2)
     drawn, used = draw(preset, random), draw_commands(random)
     stated = replace(whole_poses(used, drawn.poses(used)), noise=NOISE)
-    found, silent = (calibrate(preset, data) for data in (stated, replace(stated, noise=Noise(1.0, 4.0))))
+    found, silent = (
+        calibrate(preset, data) for data in (stated, replace(stated, noise=Noise(1.0, 4.0)))
+    )
     assert found.scale > 10  # a factor and a frame do not explain errors of all joints
     assert silent.scale < 1
     # NOISE in the same proportion, in metres: weights, hence the estimates, are the same
     assert found["factor"].value == pytest.approx(silent["factor"].value, rel=1e-9)
-    assert found["factor"].error == pytest.approx(silent["factor"].error * NOISE.position * found.scale, rel=1e-6)
+    assert found["factor"].error == pytest.approx(
+        silent["factor"].error * NOISE.position * found.scale, rel=1e-6
+    )
 
 
 def test_the_thesis_data_give_their_cause(real, preset):
@@ -195,7 +241,9 @@ def test_the_thesis_data_give_their_cause(real, preset):
 
 
 def test_the_thesis_rotation_error_is_only_half_explained(real):
-    """[Sahbaz 2007, Table 6.4]: the pulse explains how far the plate leans, not that it leans elsewhere."""
+    """[Sahbaz 2007, Table 6.4]: the pulse explains how far the plate leans, not that it leans
+    elsewhere.
+    """
     (check,) = axis_checks(real)
     assert check.is_explained is False
     commanded, measured, guess = np.rad2deg(check.tilt)
@@ -214,7 +262,8 @@ def test_an_independent_fit_agrees(real, preset):
 
     def legs(position, turn):
         return np.linalg.norm(
-            position + preset.platform @ Rotation.from_rotvec(turn).as_matrix().T - preset.base, axis=1
+            position + preset.platform @ Rotation.from_rotvec(turn).as_matrix().T - preset.base,
+            axis=1,
         )
 
     def reached(target, lengths):
@@ -227,10 +276,14 @@ def test_an_independent_fit_agrees(real, preset):
     home = legs(start, np.zeros(3))
 
     def errors(theta):
-        positions = [reached(p, home + theta[0] * (legs(start + p, np.zeros(3)) - home)) for p in desired]
+        positions = [
+            reached(p, home + theta[0] * (legs(start + p, np.zeros(3)) - home)) for p in desired
+        ]
         return (Rotation.from_euler("z", theta[4]).apply(positions) + theta[1:4] - measured).ravel()
 
-    found = least_squares(errors, [1, 0, 0, 0, 0], x_scale=[1e-2, 1e-4, 1e-4, 1e-4, 1e-3], diff_step=1e-4)
+    found = least_squares(
+        errors, [1, 0, 0, 0, 0], x_scale=[1e-2, 1e-4, 1e-4, 1e-4, 1e-3], diff_step=1e-4
+    )
     expected = [parameter.value for parameter in real.parameters]
     np.testing.assert_allclose(found.x, expected, atol=2e-6)
 
@@ -244,7 +297,9 @@ def test_left_out_errors_are_those_of_fits_without_the_pose(real, preset):
         theta = full_vector(preset).nominal.copy()
         theta[:6] = alone["factor"].value
         theta[[-6, -5, -4, -1]] = [alone[f"frame {name}"].value for name in ("x", "y", "z", "rz")]
-        errors = Prediction.from_measurements(preset, full_vector(preset), select_rows(data, [k])).at(theta)[0][0, :3]
+        errors = Prediction.from_measurements(
+            preset, full_vector(preset), select_rows(data, [k])
+        ).at(theta)[0][0, :3]
         # of second order in parameters that differ by 1e-3: a thousandth of the errors
         np.testing.assert_allclose(real.left_out[k, :3], errors, atol=5e-8)
 
@@ -312,8 +367,12 @@ def test_machines_of_other_kinds():
     measured = at * factors + offsets / [2, 1, 1]
     poses = [RigidTransform.from_translation(p) for p in (at, measured)]
     found = calibrate(machine, whole_poses(*poses), ("factors", "offsets"))
-    np.testing.assert_allclose([p.value for p in found.parameters], [*factors, *offsets], atol=1e-12)
-    np.testing.assert_allclose([axis.pulse for axis in found.machine.axes], 1e-6 * factors, rtol=1e-12)
+    np.testing.assert_allclose(
+        [p.value for p in found.parameters], [*factors, *offsets], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        [axis.pulse for axis in found.machine.axes], 1e-6 * factors, rtol=1e-12
+    )
     np.testing.assert_allclose(found.machine.home_q, offsets, atol=1e-12)
     np.testing.assert_allclose(found.machine.home.translation, offsets / [2, 1, 1], atol=1e-12)
     with pytest.raises(MotionError, match="hexapods only"):
@@ -338,7 +397,9 @@ def test_models_that_are_none(preset, parts, told):
 
 def test_too_few_values_are_refused(preset):
     used = draw_commands(np.random.default_rng(0), 1)
-    with pytest.raises(MotionError, match=r"6 values of 1 pose for 48 parameters.*measure more poses"):
+    with pytest.raises(
+        MotionError, match=r"6 values of 1 pose for 48 parameters.*measure more poses"
+    ):
         calibrate(preset, whole_poses(used, used), ALL_PARTS)
 
 
@@ -356,8 +417,12 @@ def test_measurements_that_are_none(preset):
 
 def test_a_singular_machine_is_named(preset, monkeypatch):
     """All six platform joints in one point: nothing holds the platform's turn."""
-    monkeypatch.setattr("kinematics.kinds.legged._refuse_coincident", lambda *_: None)  # else it is no machine
-    machine = Hexapod(preset.base, np.full((6, 3), 1e-3), axes=preset.axes, home=preset.home, name="point")
+    monkeypatch.setattr(
+        "kinematics.kinds.legged._refuse_coincident", lambda *_: None
+    )  # else it is no machine
+    machine = Hexapod(
+        preset.base, np.full((6, 3), 1e-3), axes=preset.axes, home=preset.home, name="point"
+    )
     used = draw_commands(np.random.default_rng(0), 4)
     with pytest.raises(MotionError, match="pose 1: machine point is singular"):
         calibrate(machine, whole_poses(used, used))
@@ -366,7 +431,14 @@ def test_a_singular_machine_is_named(preset, monkeypatch):
 def test_every_part_is_one_of_the_full_vector(preset):
     vector = full_vector(preset)
     sizes = {name: len(tuple(part(vector))) for name, part in PARTS.items()}
-    assert sizes == {"factor": 1, "factors": 6, "offsets": 6, "joints": 36, "frame": 6, "frame-yaw": 4}
+    assert sizes == {
+        "factor": 1,
+        "factors": 6,
+        "offsets": 6,
+        "joints": 36,
+        "frame": 6,
+        "frame-yaw": 4,
+    }
 
 
 def test_steps_of_the_catalogue():
@@ -383,7 +455,9 @@ def test_a_prediction_that_cannot_be_closed_is_no_number(preset):
 
 
 def test_two_legs_in_the_same_place_are_refused(preset, monkeypatch):
-    monkeypatch.setattr("kinematics.kinds.legged._refuse_coincident", lambda *_: None)  # else they are no machine
+    monkeypatch.setattr(
+        "kinematics.kinds.legged._refuse_coincident", lambda *_: None
+    )  # else they are no machine
     base, platform = preset.base.copy(), preset.platform.copy()
     base[1], platform[1] = base[0], platform[0]
     machine = Hexapod(base, platform, axes=preset.axes, home=preset.home, name="five legs")

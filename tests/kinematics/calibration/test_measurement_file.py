@@ -43,13 +43,17 @@ def test_the_tables_of_the_thesis():
     # error = desired - measured; mm and µm
     np.testing.assert_allclose(data.commanded.translation[4], [5e-3, 5e-3, 35e-3], rtol=1e-15)
     np.testing.assert_allclose(
-        data.measured.translation[4], np.array([5e-3, 5e-3, 35e-3]) - [20.4429e-6, -98.5143e-6, -459.5e-6], rtol=1e-12
+        data.measured.translation[4],
+        np.array([5e-3, 5e-3, 35e-3]) - [20.4429e-6, -98.5143e-6, -459.5e-6],
+        rtol=1e-12,
     )
     # the measured z axis has the measured direction angles, to their redundancy
     angles = np.rad2deg(np.arccos(data.measured.rotation.as_matrix()[8][:, 2]))
     np.testing.assert_allclose(angles, [97.3239, 95.8442, 9.34232], atol=0.05)
     turned = data.commanded.rotation[8].as_matrix()
-    np.testing.assert_allclose(turned, Rotation.from_euler("XYZ", [6, -7, 0], degrees=True).as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(
+        turned, Rotation.from_euler("XYZ", [6, -7, 0], degrees=True).as_matrix(), atol=1e-15
+    )
     np.testing.assert_array_equal(data.seen[0], [True] * 3 + [False] * 3 + [True] * 2)
     np.testing.assert_array_equal(data.seen[8], [False] * 6 + [True] * 2)
     np.testing.assert_allclose(data.spread[3, :3], [5e-6, 3e-6, 3.8e-6], rtol=1e-12)
@@ -70,7 +74,9 @@ def test_direction_angles_give_the_turn_that_has_them(load, axis):
 
 def test_whole_poses_and_positions_with_any_units(load):
     data = load(WHOLE + "[[pose]]\ncommanded = [0, 0, 0, 0, 0, 0]\nmeasured = [0, 0, 0.5]\n")
-    np.testing.assert_allclose(data.measured.translation[0], [1.1e-3, 79 * 25.4e-6, 3e-3], rtol=1e-14)
+    np.testing.assert_allclose(
+        data.measured.translation[0], [1.1e-3, 79 * 25.4e-6, 3e-3], rtol=1e-14
+    )
     angles = [np.deg2rad(4), 0.1, np.deg2rad(6)]
     np.testing.assert_allclose(data.measured.rotation[0].as_euler("XYZ"), angles, rtol=1e-12)
     np.testing.assert_array_equal(data.seen, [[True] * 6 + [False] * 2, [True] * 3 + [False] * 5])
@@ -89,17 +95,38 @@ LEVEL = "[[pose]]\ndesired = [0, 0, 10, 90, 90, 0]\nerror = [0, 0, 0, 0, 0, 0]\n
 BAD = {
     "nothing measured": ("", ["pose", "missing"]),
     "empty": ("pose = []", ["at least one [[pose]]"]),
-    "not a number": (LEVEL.replace("10", "nan"), ["measured.toml:2: pose[1].desired[3]", "nan", "not a finite number"]),
-    "too short": (LEVEL.replace(", 0]", "]", 1), ["pose[1].desired: [", "has 5 entries instead of 6"]),
-    "too long": (LEVEL.replace("[0, 0, 10", "[0, 0, 0, 10"), ["pose[1].desired", "7 entries instead of 6"]),
-    "no direction": (LEVEL.replace("90, 90, 0", "90, 90, 90"), ["desired", "not direction angles of an axis", "cos²"]),
-    "error of metres": (LEVEL.replace("[0, 0, 0, 0", "[0, 0, 0, 60"), ["pose[1]", "not direction angles of an axis"]),
+    "not a number": (
+        LEVEL.replace("10", "nan"),
+        ["measured.toml:2: pose[1].desired[3]", "nan", "not a finite number"],
+    ),
+    "too short": (
+        LEVEL.replace(", 0]", "]", 1),
+        ["pose[1].desired: [", "has 5 entries instead of 6"],
+    ),
+    "too long": (
+        LEVEL.replace("[0, 0, 10", "[0, 0, 0, 10"),
+        ["pose[1].desired", "7 entries instead of 6"],
+    ),
+    "no direction": (
+        LEVEL.replace("90, 90, 0", "90, 90, 90"),
+        ["desired", "not direction angles of an axis", "cos²"],
+    ),
+    "error of metres": (
+        LEVEL.replace("[0, 0, 0, 0", "[0, 0, 0, 60"),
+        ["pose[1]", "not direction angles of an axis"],
+    ),
     "both ways": (LEVEL + "measured = [0, 0, 0]\n", ["pose[1]", "exclude each other"]),
     "unknown key": (LEVEL + "sprad = [0, 0, 0, 0, 0, 0]\n", ["measured.toml:4", "sprad", "spread"]),
     "unknown table": (LEVEL + "[[rotaton]]\n", ["rotaton", 'nearest is "rotation"']),
-    "another dimension": (LEVEL.replace("10", '"10 deg"'), ["pose[1].desired[3]", "not convertible to mm"]),
+    "another dimension": (
+        LEVEL.replace("10", '"10 deg"'),
+        ["pose[1].desired[3]", "not convertible to mm"],
+    ),
     "unit of another": ('length = "deg"\n' + LEVEL, ["measured.toml:1: length", "not convertible"]),
-    "noise of nothing": (LEVEL + '[noise]\nposition = "0 um"\nrotation = "1 urad"\n', ["noise.position", "above 0"]),
+    "noise of nothing": (
+        LEVEL + '[noise]\nposition = "0 um"\nrotation = "1 urad"\n',
+        ["noise.position", "above 0"],
+    ),
     "theta is another turn": (
         LEVEL + "[[rotation]]\ntheta = [6, -7, 0]\ndesired = [90, 90, 0]\nerror = [0, 0, 0]\n",
         ["rotation[1]", "desired is not the direction of z after theta, 97"],

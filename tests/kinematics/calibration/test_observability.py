@@ -26,7 +26,9 @@ def test_the_indices_of_a_jacobian_by_hand():
 def test_units_of_the_parameters_do_not_matter(seed, powers):
     jacobian = np.random.default_rng(seed).normal(size=(9, 4))
     scale = 10.0 ** np.array(powers)
-    assert observe(jacobian * scale, 3).indices == pytest.approx(observe(jacobian, 3).indices, rel=1e-6)
+    assert observe(jacobian * scale, 3).indices == pytest.approx(
+        observe(jacobian, 3).indices, rel=1e-6
+    )
 
 
 @given(st.integers(0, 1000))
@@ -43,7 +45,9 @@ def test_a_parameter_without_effect_and_two_of_the_same():
     assert observed.rank == 2
     assert set(observed.indices.values()) == {0.0}
     np.testing.assert_array_equal(observed.separate, [True, False, False, False])
-    assert (np.stack([a, np.zeros(6), b, 1e3 * b], 1) @ observed.unobservable_changes.T) == pytest.approx(0, abs=1e-10)
+    assert (
+        np.stack([a, np.zeros(6), b, 1e3 * b], 1) @ observed.unobservable_changes.T
+    ) == pytest.approx(0, abs=1e-10)
 
 
 def test_the_weakest_combination_is_one_standard_error_long():
@@ -52,7 +56,9 @@ def test_the_weakest_combination_is_one_standard_error_long():
     assert np.linalg.norm(jacobian @ observed.weakest) == pytest.approx(1)
     others = np.random.default_rng(4).normal(size=(100, 3))
     gain = np.linalg.norm(others / observed.scale @ (jacobian * observed.scale).T, axis=1)
-    assert (gain / np.linalg.norm(others / observed.scale, axis=1) >= observed.singular[-1] - 1e-12).all()
+    assert (
+        gain / np.linalg.norm(others / observed.scale, axis=1) >= observed.singular[-1] - 1e-12
+    ).all()
 
 
 def test_combinations_in_words():

@@ -14,19 +14,31 @@ from kinematics import (
     measured_positions,
 )
 
-FIRST = np.array([[5.0, 0, 10], [-2.5, 4.3, 10], [-2.5, -4.3, 10], [0, 0, 25], [5, 5, 35], [-5, -5, 15]]) * 1e-3
+FIRST = (
+    np.array(
+        [[5.0, 0, 10], [-2.5, 4.3, 10], [-2.5, -4.3, 10], [0, 0, 25], [5, 5, 35], [-5, -5, 15]]
+    )
+    * 1e-3
+)
 FURTHER = np.array([[0.0, 0, 45], [0, 0, 12], [10, -5, 30]]) * 1e-3
 NOISE = Noise(5e-6, 20e-6)
 
 
 def measured(places):
-    """1 % further from home than commanded, and 0.1 mm aside; exactly, so that noise moves no estimate."""
-    return measured_positions(Pose.from_translation(places), 1.01 * places + [1e-4, 0, 0], noise=NOISE)
+    """1 % further from home than commanded, and 0.1 mm aside; exactly, so that noise moves no
+    estimate.
+    """
+    return measured_positions(
+        Pose.from_translation(places), 1.01 * places + [1e-4, 0, 0], noise=NOISE
+    )
 
 
 def test_they_are_those_of_the_calibration_with_that_pose():
-    """The other way round: measure it, fit again, and read what the fit states. What the two differ by is the change of
-    the estimates, some 1e-4 of them, since a hexapod's poses do not grow in exact proportion to its strokes."""
+    """The other way round: measure it, fit again, and read what the fit states.
+
+    What the two differ by is the change of the estimates, some 1e-4 of them, since a hexapod's
+    poses do not grow in exact proportion to its strokes.
+    """
     machine = load_machine("hexapod")
     calibration = calibrate(machine, measured(FIRST))
     foreseen = foreseen_errors(calibration, Pose.from_translation(FURTHER))
@@ -47,9 +59,13 @@ def test_a_further_pose_never_makes_anything_less_certain():
 
 
 def test_what_nothing_shows_stays_unknown_until_a_pose_does():
-    """All measured positions at one height over one place tell the factor from the frame's height nowhere."""
+    """All measured positions at one height over one place tell the factor from the frame's height
+    nowhere.
+    """
     machine = load_machine("hexapod")
-    calibration = calibrate(machine, measured(np.array([[0, 0, 0.02]] * 4)), ("factor", "frame-yaw"))
+    calibration = calibrate(
+        machine, measured(np.array([[0, 0, 0.02]] * 4)), ("factor", "frame-yaw")
+    )
     factor = calibration.names.index("factor")
     assert calibration.parameters[factor].error == np.inf
     same, other = foreseen_errors(calibration, Pose.from_translation([[0, 0, 0.02], [0, 0, 0.04]]))

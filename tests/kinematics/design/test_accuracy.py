@@ -1,4 +1,6 @@
-"""The budget against Monte Carlo through forward kinematics, against vertices, and against closed forms."""
+"""The budget against Monte Carlo through forward kinematics, against vertices, and against closed
+forms.
+"""
 
 from dataclasses import replace
 from itertools import product
@@ -49,7 +51,9 @@ def difference(found, pose):
 
 
 def drawn(source, random, count, q, machine):
-    """Errors (count, n) of the axes: each source as its own words have it, not by way of the budget's algebra."""
+    """Errors (count, n) of the axes: each source as its own words have it, not by way of the
+    budget's algebra.
+    """
     n, travel = len(q), q - machine.home_q
     pulse = np.array([axis.pulse for axis in machine.axes])
     match source:
@@ -65,12 +69,16 @@ def drawn(source, random, count, q, machine):
             return random.choice([-0.5, 0.5], (count, n)) * source.width
         case LeadError():
             phase = random.uniform(0, 2 * np.pi, (count, n))
-            return random.uniform(-1, 1, (count, n)) * source.rate * travel + source.periodic * np.sin(phase)
+            return random.uniform(
+                -1, 1, (count, n)
+            ) * source.rate * travel + source.periodic * np.sin(phase)
 
 
 @pytest.mark.parametrize("source", [*SEVERAL[:4], PulseLength(50e-6)], ids=repr)
 def test_covariance_and_bound_hold_in_monte_carlo_through_forward(preset, source):
-    """Variance of a sample variance: at most 2/N of its square, so 6 % is four standard deviations at 10 000."""
+    """Variance of a sample variance: at most 2/N of its square, so 6 % is four standard deviations
+    at 10 000.
+    """
     pose = tilted(preset)
     q = preset.inverse(pose)
     found = error_budget(preset, pose, [source]).total
@@ -80,11 +88,15 @@ def test_covariance_and_bound_hold_in_monte_carlo_through_forward(preset, source
     assert np.cov(seen.T) / scale == pytest.approx(found.covariance[0] / scale, abs=0.06)
     # first order: the bound holds up to the square of errors of micrometres
     assert (np.abs(seen) <= found.spread * (1 + 1e-3)).all()
-    assert np.abs(seen.mean(0)) == pytest.approx(np.zeros(6), abs=5 * found.sigma.max() / np.sqrt(SAMPLES))
+    assert np.abs(seen.mean(0)) == pytest.approx(
+        np.zeros(6), abs=5 * found.sigma.max() / np.sqrt(SAMPLES)
+    )
 
 
 def test_temperature_against_a_machine_that_has_really_grown(preset):
-    """Build the machine larger, let its legs be longer than commanded, and ask where the platform stands."""
+    """Build the machine larger, let its legs be longer than commanded, and ask where the platform
+    stands.
+    """
     pose, q = tilted(preset), preset.inverse(tilted(preset))
     expansion = {"axis_expansion": 11e-6, "frame_expansion": 23e-6}
 
@@ -97,7 +109,9 @@ def test_temperature_against_a_machine_that_has_really_grown(preset):
 
     for column, kelvin in enumerate(np.eye(2)):
         seen = (grown(*kelvin) - grown(*-kelvin)) / 2
-        effect = Temperature(*kelvin, **expansion).effect(preset, RigidTransform.concatenate([pose]), q[None])
+        effect = Temperature(*kelvin, **expansion).effect(
+            preset, RigidTransform.concatenate([pose]), q[None]
+        )
         found = (np.linalg.inv(preset.jacobian(pose)) @ effect.axes[0] + effect.pose[0])[:, column]
         # 1 K is a relative change of 1e-5: what is of third order is below what the solver leaves
         assert seen == pytest.approx(found, rel=1e-6, abs=1e-12)
@@ -111,7 +125,9 @@ def test_a_machine_of_one_material_only_grows(preset):
 
 
 def test_first_order_is_exact_in_the_limit(preset):
-    """The error that the budget neglects is of second order: halved errors leave a quarter of it."""
+    """The error that the budget neglects is of second order: halved errors leave a quarter of
+    it.
+    """
     pose = tilted(preset)
     q, inverse = preset.inverse(pose), np.linalg.inv(preset.jacobian(pose))
     direction = np.random.default_rng(2).uniform(-1, 1, 6)
@@ -132,29 +148,42 @@ def test_worst_case_is_attained_at_a_vertex_and_nowhere_beaten(any_hexapod):
     vertices = np.array(list(product([-1, 1], repeat=6))) * half
     linear = vertices @ np.linalg.inv(machine.jacobian(pose)).T
     assert worst == pytest.approx(np.abs(linear).max(0), rel=1e-12)
-    inside = np.random.default_rng(0).uniform(-1, 1, (1000, 6)) * half @ np.linalg.inv(machine.jacobian(pose)).T
+    inside = (
+        np.random.default_rng(0).uniform(-1, 1, (1000, 6))
+        * half
+        @ np.linalg.inv(machine.jacobian(pose)).T
+    )
     assert (np.abs(inside).max(0) <= worst).all()
 
 
 def test_worst_case_vertex_through_forward(preset):
-    """The same 2⁶ vertices by forward kinematics: the first order holds to the square of half a pulse."""
+    """The same 2⁶ vertices by forward kinematics: the first order holds to the square of half a
+    pulse.
+    """
     pose = tilted(preset)
     worst = error_budget(preset, pose, [Quantization()]).total.worst[0]
     vertices = np.array(list(product([-1, 1], repeat=6))) * preset.axes[0].pulse / 2
-    seen = np.abs(difference(preset.forward(preset.inverse(pose) + vertices, near=pose).pose, pose)).max(0)
+    seen = np.abs(
+        difference(preset.forward(preset.inverse(pose) + vertices, near=pose).pose, pose)
+    ).max(0)
     assert seen == pytest.approx(worst, rel=1e-4)
 
 
 def test_quantization_is_the_formula_of_the_literature(preset):
     """Σ = J⁻¹ (p²/12 I) J⁻ᵀ, worst case Σⱼ |J⁻¹ᵢⱼ| p/2."""
     pose, pulse = tilted(preset), preset.axes[0].pulse
-    found, inverse = error_budget(preset, pose, [Quantization()]).total, np.linalg.inv(preset.jacobian(pose))
+    found, inverse = (
+        error_budget(preset, pose, [Quantization()]).total,
+        np.linalg.inv(preset.jacobian(pose)),
+    )
     assert found.covariance[0] == pytest.approx(inverse @ inverse.T * pulse**2 / 12, rel=1e-12)
     assert found.worst[0] == pytest.approx(np.abs(inverse).sum(1) * pulse / 2, rel=1e-12)
 
 
 def test_rounding_to_the_nearest_pulse_has_a_variance_of_a_twelfth():
-    """Exactly: over m equally spaced targets within one pulse, the mean square of e is p²/12 (1 − 1/m²)."""
+    """Exactly: over m equally spaced targets within one pulse, the mean square of e is p²/12 (1 −
+    1/m²).
+    """
     m, pulse = 1000, 0.75e-6
     targets = (np.arange(m) + 0.5) / m * pulse
     error = np.round(targets / pulse) * pulse - targets
@@ -164,16 +193,22 @@ def test_rounding_to_the_nearest_pulse_has_a_variance_of_a_twelfth():
 
 def test_total_is_the_sum_and_no_source_covers_another(preset):
     budget = error_budget(preset, tilted(preset), SEVERAL)
-    assert budget.total.covariance == pytest.approx(sum(part.covariance for part in budget.contributions))
+    assert budget.total.covariance == pytest.approx(
+        sum(part.covariance for part in budget.contributions)
+    )
     assert budget.total.worst == pytest.approx(sum(part.worst for part in budget.contributions))
     for part in budget.contributions:
-        alone = error_budget(preset, tilted(preset), [next(s for s in SEVERAL if s.name == part.name)]).total
+        alone = error_budget(
+            preset, tilted(preset), [next(s for s in SEVERAL if s.name == part.name)]
+        ).total
         assert part.covariance == pytest.approx(alone.covariance)
 
 
 def test_along_a_path_each_pose_has_its_own_budget(preset):
     heights = np.linspace(0.0, 0.04, 9)
-    poses = RigidTransform.concatenate([tilted(preset, shift=(0.01, 0, z), turn=(0.02, 0, 5 * z)) for z in heights])
+    poses = RigidTransform.concatenate(
+        [tilted(preset, shift=(0.01, 0, z), turn=(0.02, 0, 5 * z)) for z in heights]
+    )
     path = error_budget(preset, poses, SEVERAL)
     assert len(path) == 9
     for k in (0, 4, 8):
@@ -185,7 +220,9 @@ def test_along_a_path_each_pose_has_its_own_budget(preset):
 @settings(max_examples=30, deadline=None)
 @given(st.tuples(*[st.floats(-1, 1)] * 6), st.floats(0, 1e-5), st.floats(0, 1e-4), st.floats(0, 20))
 def test_covariance_is_one_and_worst_covers_it(preset, place, backlash, rate, kelvin):
-    """Symmetric, no negative eigenvalue, and nowhere more variance than errors within ±worst can have."""
+    """Symmetric, no negative eigenvalue, and nowhere more variance than errors within ±worst can
+    have.
+    """
     pose = tilted(preset, 0.01 * np.array(place[:3]) + [0, 0, 0.025], 0.1 * np.array(place[3:]))
     sources = [Quantization(), Backlash(backlash), LeadError(rate, backlash), Temperature(kelvin)]
     total = error_budget(preset, pose, sources).total
@@ -200,7 +237,9 @@ def test_error_at_the_tool_is_that_of_a_machine_whose_platform_is_there(preset):
     """Move the platform's frame to the tool: the same legs, another origin, the same budget."""
     tool, pose = np.array([0.03, -0.02, 0.08]), tilted(preset)
     to_tool = RigidTransform.from_translation(tool)
-    same = Hexapod(preset.base, preset.platform - tool, axes=preset.axes, home=preset.home * to_tool)
+    same = Hexapod(
+        preset.base, preset.platform - tool, axes=preset.axes, home=preset.home * to_tool
+    )
     there = error_budget(same, pose * to_tool, SEVERAL[:4]).total
     asked = error_budget(preset, pose, SEVERAL[:4], tool=tool).total
     assert asked.covariance == pytest.approx(there.covariance, rel=1e-9, abs=1e-24)
@@ -208,7 +247,9 @@ def test_error_at_the_tool_is_that_of_a_machine_whose_platform_is_there(preset):
 
 
 class Winding(Machine):
-    """Slides along x, y and z that are a little bent, and turn the platform about axes of their own as they go."""
+    """Slides along x, y and z that are a little bent, and turn the platform about axes of their own
+    as they go.
+    """
 
     freedom, follows = ("x", "y", "z"), ("rx", "ry", "rz")
     characteristic_length = 0.1
@@ -220,13 +261,22 @@ class Winding(Machine):
         turned = ca.SX.eye(3)
         for k, axis in enumerate(np.array([[0.6, 0.8, 0], [0, 0.6, 0.8], [0.8, 0, 0.6]])):
             skew = ca.skew(ca.DM(axis))
-            turned = turned @ (ca.SX.eye(3) + ca.sin(5 * q[k]) * skew + (1 - ca.cos(5 * q[k])) * (skew @ skew))
+            turned = turned @ (
+                ca.SX.eye(3) + ca.sin(5 * q[k]) * skew + (1 - ca.cos(5 * q[k])) * (skew @ skew)
+            )
         return position, turned
 
 
 def linkage():
     axes = [Axis("a", pulse=2e-6), Axis("b", pulse=3e-6)]
-    return Linkage([0, 0], [0.25, 0], 0.06, 0.7, axes=axes, home=RigidTransform.from_translation([0.12, 0.3, 0.0]))
+    return Linkage(
+        [0, 0],
+        [0.25, 0],
+        0.06,
+        0.7,
+        axes=axes,
+        home=RigidTransform.from_translation([0.12, 0.3, 0.0]),
+    )
 
 
 def winding():
@@ -236,7 +286,9 @@ def winding():
 
 @pytest.mark.parametrize("make", [linkage, winding])
 def test_what_follows_gets_its_error_too(make):
-    """Differences of the forward map at each vertex; those of ±1 have three times the variance of the uniform."""
+    """Differences of the forward map at each vertex; those of ±1 have three times the variance of
+    the uniform.
+    """
     machine = make()
     pose = machine.forward(machine.home_q + [0.03, -0.02, 0.01][: len(machine.axes)]).pose
     q, found = machine.inverse(pose), error_budget(machine, pose, [Quantization()]).total
@@ -248,18 +300,25 @@ def test_what_follows_gets_its_error_too(make):
     assert found.covariance[0] / np.outer(size, size) == pytest.approx(
         seen.T @ seen / len(seen) / 3 / np.outer(size, size), abs=1e-4
     )
-    moves = [name in machine.freedom + machine.follows for name in ("x", "y", "z", "rx", "ry", "rz")]
+    moves = [
+        name in machine.freedom + machine.follows for name in ("x", "y", "z", "rx", "ry", "rz")
+    ]
     assert (found.worst[0] > 0).tolist() == moves
 
 
 def test_rotary_and_linear_axes_together():
-    """A traverser: slides and turntable err each on its own, so the covariance is diagonal, at any turn."""
+    """A traverser: slides and turntable err each on its own, so the covariance is diagonal, at any
+    turn.
+    """
     axes = [Axis(name, pulse=p) for name, p in zip("XYZ", (1e-5, 2e-5, 3e-5), strict=True)]
-    machine = Traverser(axes=[*axes, Axis("R", "rotary", pulse=0.01)], home=RigidTransform.identity())
+    machine = Traverser(
+        axes=[*axes, Axis("R", "rotary", pulse=0.01)], home=RigidTransform.identity()
+    )
     pose = RigidTransform.from_components([0.3, 0.2, 0.1], Rotation.from_rotvec([0, 0, 0.4]))
     found = error_budget(machine, pose, [Quantization()]).total
     assert found.sigma[0] * np.sqrt(12) == pytest.approx([1e-5, 2e-5, 3e-5, 0, 0, 0.01], rel=1e-9)
-    # after three turns the pulses count from home: the error of a pulse's length has grown with them
+    # after three turns the pulses count from home: the error of a pulse's length has grown with
+    # them
     turned = error_budget(machine, pose, [PulseLength(1e-4)], near=[0, 0, 0, 6 * np.pi]).total
     assert turned.worst[0, 5] == pytest.approx(1e-4 * (0.4 + 6 * np.pi))
     with pytest.raises(MotionError, match="linear and rotary axes: give one number"):
@@ -270,16 +329,29 @@ def test_rotary_and_linear_axes_together():
 
 def test_table_names_every_source_and_unit(preset):
     text = str(error_budget(preset, tilted(preset), SEVERAL))
-    for word in ("quantization", "backlash", "temperature", "total", "sigma", "worst", "x (µm)", "rz (µrad)"):
+    for word in (
+        "quantization",
+        "backlash",
+        "temperature",
+        "total",
+        "sigma",
+        "worst",
+        "x (µm)",
+        "rz (µrad)",
+    ):
         assert word in text
 
 
 @pytest.mark.parametrize("count", [1, 5])
 def test_figure_draws_every_source(preset, count):
-    poses = RigidTransform.concatenate([tilted(preset, shift=(0, 0, 0.005 * k)) for k in range(count)])
+    poses = RigidTransform.concatenate(
+        [tilted(preset, shift=(0, 0, 0.005 * k)) for k in range(count)]
+    )
     ax = error_budget(preset, poses, SEVERAL).plot()
     drawn_names = (
-        [line.get_label() for line in ax.get_lines()] if count > 1 else [t.get_text() for t in ax.get_yticklabels()]
+        [line.get_label() for line in ax.get_lines()]
+        if count > 1
+        else [t.get_text() for t in ax.get_yticklabels()]
     )
     assert drawn_names == [source.name for source in SEVERAL] + ["total"]
     assert "µm" in (ax.get_ylabel() if count > 1 else ax.get_xlabel())
@@ -289,9 +361,15 @@ def test_figure_draws_every_source(preset, count):
     ("wrong", "message"),
     [
         (lambda: Quantization(-0.5), "quantization: pulses -0.5"),
-        (lambda: PulseLength(float("nan")), "pulse length: error must be finite numbers in SI units, not nan"),
+        (
+            lambda: PulseLength(float("nan")),
+            "pulse length: error must be finite numbers in SI units, not nan",
+        ),
         (lambda: Backlash((1e-6, -1e-6)), "backlash: width"),
-        (lambda: Temperature(ambient=float("inf")), "temperature: ambient must be finite numbers in SI units, not inf"),
+        (
+            lambda: Temperature(ambient=float("inf")),
+            "temperature: ambient must be finite numbers in SI units, not inf",
+        ),
     ],
 )
 def test_bad_sources(wrong, message):
@@ -315,7 +393,9 @@ def test_bad_requests(preset):
 
 def test_a_singular_pose_is_refused(monkeypatch):
     """Similar hexagons in base and platform: level, such a hexapod is architecturally singular."""
-    monkeypatch.setattr("kinematics.kinds.legged._refuse_coincident", lambda *_: None)  # else it is no machine
+    monkeypatch.setattr(
+        "kinematics.kinds.legged._refuse_coincident", lambda *_: None
+    )  # else it is no machine
     angle = np.deg2rad(60 * np.arange(6))
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(6)], 1)
     home = RigidTransform.from_translation([0, 0, 0.3])
@@ -341,4 +421,7 @@ def test_the_worst_case_is_a_bound_as_it_is_read():
     (table,) = budget.tables()
     shown = {row[0] + row[1]: row[2:] for row in table.cells()}
     worst = 1e6 * budget.total.worst[0]
-    assert all(0 <= float(text) - value < 1e-3 for text, value in zip(shown["totalworst"], worst, strict=True))
+    assert all(
+        0 <= float(text) - value < 1e-3
+        for text, value in zip(shown["totalworst"], worst, strict=True)
+    )

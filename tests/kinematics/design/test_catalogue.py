@@ -29,10 +29,29 @@ def faults(csv_file):
 
 def test_bundled_actuators_are_table_3_1_in_si():
     parts = {part.name: part for part in load_actuators()}
-    assert list(parts) == ["PI", "Ultra Motion", "Oriental", "HSI", "Intelidrives", "Linmot", "Iai", "Servoram"]
+    assert list(parts) == [
+        "PI",
+        "Ultra Motion",
+        "Oriental",
+        "HSI",
+        "Intelidrives",
+        "Linmot",
+        "Iai",
+        "Servoram",
+    ]
     chosen = parts["HSI"]
-    assert (chosen.stroke, chosen.force, chosen.precision, chosen.speed) == (0.0508, 220, 1.5e-6, 0.076)
-    assert (chosen.mass, chosen.size, chosen.cost, chosen.type) == (0.241, (0.043, 0.043, 0.162), (120, 120), "stepper")
+    assert (chosen.stroke, chosen.force, chosen.precision, chosen.speed) == (
+        0.0508,
+        220,
+        1.5e-6,
+        0.076,
+    )
+    assert (chosen.mass, chosen.size, chosen.cost, chosen.type) == (
+        0.241,
+        (0.043, 0.043, 0.162),
+        (120, 120),
+        "stepper",
+    )
     assert parts["Linmot"].mass == pytest.approx(1.2)  # 740 + 460 g, slider and stator
     assert parts["Intelidrives"].cost == (1700, 2000)
     assert parts["Intelidrives"].stroke is None

@@ -11,7 +11,9 @@ LOAD, HEIGHT = 255 * POUND_FORCE, 70 * INCH
 
 
 def frame(**changed):
-    """The traverser's frame [Sasidhar 1981, Appendix D]: four spans along z, its tip a lever of 70 in above."""
+    """The traverser's frame [Sasidhar 1981, Appendix D]: four spans along z, its tip a lever of 70
+    in above.
+    """
     given = {
         "beam": FRAME, "load": LOAD, "start": (0, 0, 0), "along": (0, 0, 1), "down": (-1, 0, 0), "spans": 4,
     }  # fmt: skip
@@ -20,29 +22,42 @@ def frame(**changed):
 
 @pytest.fixture(scope="module")
 def traverser():
-    axes = [Axis(name, pulse=0.000625 * INCH) for name in "XYZ"] + [Axis("R", "rotary", pulse=np.deg2rad(0.9))]
+    axes = [Axis(name, pulse=0.000625 * INCH) for name in "XYZ"] + [
+        Axis("R", "rotary", pulse=np.deg2rad(0.9))
+    ]
     return Traverser(axes=axes, home=RigidTransform.identity())
 
 
 def tip(z, height=HEIGHT, y=0.0):
-    return RigidTransform.from_translation(np.stack(np.broadcast_arrays(height, y, z), -1).astype(float))
+    return RigidTransform.from_translation(
+        np.stack(np.broadcast_arrays(height, y, z), -1).astype(float)
+    )
 
 
 def test_sasidhars_frame_as_an_item_of_the_budget(traverser):
-    """Mid-span: it sinks by W l³/48EI and does not tilt. Where it tilts most, the tip moves along by θ h."""
+    """Mid-span: it sinks by W l³/48EI and does not tilt.
+
+    Where it tilts most, the tip moves along by θ h.
+    """
     steep = FRAME.span * (3 - np.sqrt(3)) / 6
     budget = error_budget(traverser, tip(np.array([FRAME.span / 2, steep])), [frame()])
     bias = budget.total.bias
     assert -bias[0, 0] / INCH == pytest.approx(8.060e-5, rel=1e-3)  # printed, four digits
     assert bias[0, 1:] == pytest.approx(np.zeros(5), abs=1e-18)
     slope = bias[1, 4]
-    assert abs(slope) == pytest.approx(5.895e-6, rel=3e-3)  # printed 5.895e-7 with the factor 0.096 for √3/18
+    assert abs(slope) == pytest.approx(
+        5.895e-6, rel=3e-3
+    )  # printed 5.895e-7 with the factor 0.096 for √3/18
     assert abs(bias[1, 2]) == pytest.approx(abs(slope) * HEIGHT, rel=1e-12)
-    assert abs(bias[1, 2]) / INCH == pytest.approx(4.12e-4, rel=1e-2)  # printed 4.12e-5, from the slope's lost power
+    assert abs(bias[1, 2]) / INCH == pytest.approx(
+        4.12e-4, rel=1e-2
+    )  # printed 4.12e-5, from the slope's lost power
 
 
 def test_the_tip_moves_as_the_bent_beam_carries_it():
-    """A rigid post, square to the beam's line at the load: the tip goes where the post's foot and direction put it."""
+    """A rigid post, square to the beam's line at the load: the tip goes where the post's foot and
+    direction put it.
+    """
     source, h = frame(), 1.3
     for z in np.linspace(0.02, 4 * FRAME.span - 0.02, 37):
         c = z % FRAME.span
@@ -51,12 +66,16 @@ def test_the_tip_moves_as_the_bent_beam_carries_it():
         post = np.array([1.0, slope]) / np.hypot(1.0, slope)
         moved = np.array([-sag, z]) + h * post - np.array([h, z])
         twist = source.twist(np.array([[h, 0.0, z]]), LOAD)[0]
-        assert twist[[0, 2]] == pytest.approx(moved, abs=h * slope**2 + 1e-15)  # first order, and rounding
+        assert twist[[0, 2]] == pytest.approx(
+            moved, abs=h * slope**2 + 1e-15
+        )  # first order, and rounding
         assert twist[1] == 0
 
 
 def test_tilt_and_abbe_shift_form_one_rigid_motion():
-    """Any two points of the platform keep their distance: v₂ − v₁ = ω × (p₂ − p₁) at the same place along the beam."""
+    """Any two points of the platform keep their distance: v₂ − v₁ = ω × (p₂ − p₁) at the same place
+    along the beam.
+    """
     source = frame(beam=Beam(0.8, 7e10, 2e-8))
     first, second = np.array([0.3, 0.1, 0.5]), np.array([-0.2, 0.4, 0.5])
     one, two = source.twist(np.stack([first, second]), LOAD)

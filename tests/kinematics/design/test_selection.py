@@ -49,11 +49,16 @@ def test_the_thesis_choice_comes_first():
 
 def test_every_reason_is_given():
     need = ActuatorNeed(stroke=0.06, speed=0.1, force=100, precision=1e-6)
-    refused = {refusal.part.name: refusal.reasons for refusal in select_parts(load_actuators(), need).refused}
+    refused = {
+        refusal.part.name: refusal.reasons
+        for refusal in select_parts(load_actuators(), need).refused
+    }
     assert refused["Ultra Motion"] == (
         "stroke 50.8 mm < 60 mm", "speed 80 mm/s < 100 mm/s", "precision 10 um > 1 um",
     )  # fmt: skip
-    assert set(refused) == {part.name for part in load_actuators()} - set(names(select_parts(load_actuators(), need)))
+    assert set(refused) == {part.name for part in load_actuators()} - set(
+        names(select_parts(load_actuators(), need))
+    )
 
 
 @pytest.mark.parametrize(
@@ -95,7 +100,8 @@ def test_a_part_is_feasible_exactly_if_it_offers_everything(parts, needed):
             for name in ("stroke", "speed", "force")
         )
         return at_least and (
-            need.precision is None or (part.precision is not None and part.precision <= need.precision)
+            need.precision is None
+            or (part.precision is not None and part.precision <= need.precision)
         )
 
     found = select_parts(catalogue, need, "reserve")
@@ -117,7 +123,9 @@ def test_joints_by_tilt_and_force():
 
 def test_need_of_motions_is_of_all_together():
     """One mounting serves all motions: ranges join before they are measured."""
-    first = AxisMotion([[0.0, 0.0], [0.01, 0.002]], [[0.1, 0.0], [0.0, -0.3]], [[5.0, 1.0], [1.0, -7.0]])
+    first = AxisMotion(
+        [[0.0, 0.0], [0.01, 0.002]], [[0.1, 0.0], [0.0, -0.3]], [[5.0, 1.0], [1.0, -7.0]]
+    )
     second = AxisMotion([[-0.02, 0.0]], [[0.2, 0.0]], [[6.0, 0.0]])
     need = actuator_need([first, second], precision=1e-6)
     assert need.stroke == pytest.approx(0.03)
@@ -128,7 +136,9 @@ def test_need_of_motions_is_of_all_together():
 def test_joint_need_agrees_with_the_margins(preset):
     from scipy.spatial.transform import RigidTransform, Rotation
 
-    pose = preset.home * RigidTransform.from_components([[0, 0, 0.02]] * 2, Rotation.from_euler("x", [[0.0], [0.1]]))
+    pose = preset.home * RigidTransform.from_components(
+        [[0, 0, 0.02]] * 2, Rotation.from_euler("x", [[0.0], [0.1]])
+    )
     need = joint_need(preset, pose, force=[[-30.0, 12.0]])
     assert need.tilt == pytest.approx(preset.check(pose).tilt.max() * np.deg2rad(35), rel=1e-12)
     assert need.force == 30.0
@@ -159,13 +169,17 @@ def test_bad_needs(wrong, message):
 
 
 def test_catalogue_of_the_machine_that_was_built():
-    """The preset's actuator is the one selected: its stroke and force are those of the catalogue."""
+    """The preset's actuator is the one selected: its stroke and force are those of the
+    catalogue.
+    """
     chosen = select_parts(load_actuators(), CHAPTER_2).feasible[0].part
     axis = load_machine("hexapod").axes[0]
     assert (chosen.stroke, chosen.force) == (axis.travel[1], axis.max_force)
 
 
-@pytest.mark.parametrize(("stroke", "does"), [(50.8e-3, True), (np.nextafter(50.8e-3, 1), True), (50.801e-3, False)])
+@pytest.mark.parametrize(
+    ("stroke", "does"), [(50.8e-3, True), (np.nextafter(50.8e-3, 1), True), (50.801e-3, False)]
+)
 def test_a_stroke_that_is_needed_exactly_is_offered(stroke, does):
     """One unit of the last place is the rounding of max − min, not a longer stroke."""
     part = Actuator("exact", 1, stroke=50.8e-3)

@@ -27,14 +27,18 @@ def test_energy_balance_of_a_frictionless_lift():
 
 
 def test_the_torque_really_accelerates_the_axis():
-    """Integrate the motion under the torque found, without losses but those of the screw: full speed after the ramp."""
+    """Integrate the motion under the torque found, without losses but those of the screw: full
+    speed after the ramp.
+    """
     s = size_stepper(SLIDE, SCREW, MOTOR, TRAVERSE)
     radius = SCREW.lead / (2 * np.pi)
 
     def motion(t, y):
         shaft, force = s.torque - SCREW.drag, SLIDE.friction + SLIDE.mass * GRAVITY
         # shaft: T = I α + F r/η, slide: F = m a + load
-        alpha = (shaft - force * radius / 0.9) / (SCREW.inertia + MOTOR.inertia + SLIDE.mass * radius**2 / 0.9)
+        alpha = (shaft - force * radius / 0.9) / (
+            SCREW.inertia + MOTOR.inertia + SLIDE.mass * radius**2 / 0.9
+        )
         return [y[1], alpha * radius]
 
     end = solve_ivp(motion, (0, TRAVERSE.ramp), [0.0, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
@@ -44,13 +48,19 @@ def test_the_torque_really_accelerates_the_axis():
 @given(st.floats(0.01, 10), st.floats(1, 100), st.floats(0.01, 0.5))
 def test_least_speed_takes_exactly_the_time(travel, time, share):
     traverse = Traverse(travel, time, share * time, 1e-3)
-    assert trapezoid_time(travel, traverse.least_speed, traverse.ramp) == pytest.approx(time, rel=1e-12)
+    assert trapezoid_time(travel, traverse.least_speed, traverse.ramp) == pytest.approx(
+        time, rel=1e-12
+    )
 
 
 def test_short_travel_is_a_triangle():
-    """With acceleration a = v/ramp: 2 √(travel/a), and continuous where the triangle touches the top speed."""
+    """With acceleration a = v/ramp: 2 √(travel/a), and continuous where the triangle touches the
+    top speed.
+    """
     assert trapezoid_time(0.02, 0.1, 1.0) == pytest.approx(2 * np.sqrt(0.02 / 0.1))
-    assert trapezoid_time(0.1 * (1 - 1e-12), 0.1, 1.0) == pytest.approx(trapezoid_time(0.1, 0.1, 1.0))
+    assert trapezoid_time(0.1 * (1 - 1e-12), 0.1, 1.0) == pytest.approx(
+        trapezoid_time(0.1, 0.1, 1.0)
+    )
 
 
 @pytest.mark.parametrize(
@@ -62,12 +72,18 @@ def test_short_travel_is_a_triangle():
         (StepMotor(MOTOR.step, 4e-4, 0.1), TRAVERSE, {"holding torque"}),
         (StepMotor(MOTOR.step, 4e-4, 2.0, ((0, 2.0), (900, 1.0))), TRAVERSE, {"torque"}),
         (StepMotor(MOTOR.step, 4e-4, 2.0, ((0, 2.0), (2000, 1.0))), TRAVERSE, set()),
-        (StepMotor(MOTOR.step, 4e-4, 2.0, ((0, 2.0), (500, 0.01), (2000, 1.0))), TRAVERSE, {"torque"}),
+        (
+            StepMotor(MOTOR.step, 4e-4, 2.0, ((0, 2.0), (500, 0.01), (2000, 1.0))),
+            TRAVERSE,
+            {"torque"},
+        ),
     ],
 )
 def test_rules(motor, traverse, broken):
     sizing = size_stepper(SLIDE, SCREW, motor, traverse)
-    assert {check.name.split(" up to")[0] for check in sizing.checks if check.holds is False} == broken
+    assert {
+        check.name.split(" up to")[0] for check in sizing.checks if check.holds is False
+    } == broken
     assert sizing.ok is not bool(broken)
     assert ("NO" in str(sizing)) is bool(broken)
 

@@ -10,7 +10,11 @@ from kinematics.files.atomic_files import Destination, stage_files
 
 
 def files(folder):
-    return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_text()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 def test_it_is_refused_before_the_work(tmp_path):

@@ -18,7 +18,9 @@ from kinematics.files.atomic_files import (
 from kinematics.files.leftovers import MARK, NEW, OLD, clear, shorten_name
 from pulsepath.process import ending
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process there cannot send itself these signals")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="a process there cannot send itself these signals"
+)
 
 
 def come(number=signal.SIGINT):
@@ -82,7 +84,9 @@ def test_the_command_line_ends_by_the_same_signals():
 
 
 @pytest.mark.parametrize("broken", ["_make_directory", "end"])
-def test_nothing_staged_is_left_where_making_or_removing_it_is_broken_off(tmp_path, monkeypatch, broken):
+def test_nothing_staged_is_left_where_making_or_removing_it_is_broken_off(
+    tmp_path, monkeypatch, broken
+):
     from kinematics.files import atomic_files
 
     done = getattr(atomic_files, broken)
@@ -95,7 +99,9 @@ def test_nothing_staged_is_left_where_making_or_removing_it_is_broken_off(tmp_pa
     with pytest.raises(KeyboardInterrupt), stage_file(tmp_path / "file") as file:
         file.write_text("new")
     # where the signal came while it was removed, the file was in its place already
-    assert [path.name for path in tmp_path.iterdir()] == ([] if broken == "_make_directory" else ["file"])
+    assert [path.name for path in tmp_path.iterdir()] == (
+        [] if broken == "_make_directory" else ["file"]
+    )
 
 
 LONG_NAMES = ["d" * 240, "d" * 255, "é" * 127, "d" * 250 + ".yaml"]

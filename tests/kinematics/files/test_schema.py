@@ -140,4 +140,6 @@ def test_shapes_are_checked_like_any_key(document):
     ]
     assert "3 is not a table" in str(refusal.value)
     assert "4 is not an array" in str(refusal.value)
-    assert "up: [0, 1] has 2 entries instead of 3" in str(refusal.value)  # once, not for each that it lacks
+    assert "up: [0, 1] has 2 entries instead of 3" in str(
+        refusal.value
+    )  # once, not for each that it lacks

@@ -75,12 +75,18 @@ def test_every_key_has_its_line(document, end):
 @pytest.mark.parametrize("place", ["middle", "end", "everywhere"])
 @pytest.mark.parametrize("end", ["\r\r\n", "\r\r\r\n"])
 def test_a_line_end_that_a_transfer_doubled_is_one(tmp_path, place, end):
-    """tomllib takes CR CR LF, as it replaces CR LF again in text whose line ends are replaced already."""
+    """tomllib takes CR CR LF, as it replaces CR LF again in text whose line ends are replaced
+    already.
+    """
     lines = ["a = 1", "[b]", "c = [1, [2, 3]]", "d = { e = 'x', f = 2 }", ""]
     ends = {"middle": "\n", "end": "\n", "everywhere": end}
     text = ends[place].join(lines)
     text = (
-        text.replace("[b]\n", f"[b]{end}") if place == "middle" else text.rstrip("\n") + end if place == "end" else text
+        text.replace("[b]\n", f"[b]{end}")
+        if place == "middle"
+        else text.rstrip("\n") + end
+        if place == "end"
+        else text
     )
     path = tmp_path / "doubled.toml"
     path.write_bytes(text.encode())
@@ -98,7 +104,9 @@ def test_a_key_that_is_not_there_has_the_line_of_what_is_around_it(document):
 KEYS = st.text("abzÀ \"'.]#=\\-_1", min_size=1, max_size=5)
 TEXTS = st.text("ab]}[{,#\"'\\\n=\t é", max_size=8)
 SCALARS = st.one_of(st.integers(-99, 99), st.booleans(), TEXTS)
-VALUES = st.recursive(SCALARS, lambda v: st.lists(v, max_size=3) | st.dictionaries(KEYS, v, max_size=3), max_leaves=12)
+VALUES = st.recursive(
+    SCALARS, lambda v: st.lists(v, max_size=3) | st.dictionaries(KEYS, v, max_size=3), max_leaves=12
+)
 
 
 class Writer:
@@ -197,7 +205,13 @@ def test_line_ends_that_were_converted_twice_are_line_ends(document, end):
     """A program that turns LF into CR LF makes CR CR LF of CR LF."""
     text = document(end.join(["a = 1", "", "[b]", "c = [1,", "2]", "d = 3", ""]))
     assert text.data == {"a": 1, "b": {"c": (1, 2), "d": 3}}
-    assert [text.line(key) for key in (("a",), ("b",), ("b", "c"), ("b", "c", 1), ("b", "d"))] == [1, 3, 4, 5, 6]
+    assert [text.line(key) for key in (("a",), ("b",), ("b", "c"), ("b", "c", 1), ("b", "d"))] == [
+        1,
+        3,
+        4,
+        5,
+        6,
+    ]
     with pytest.raises(FileError) as refusal:
         document(end.join(["a = 1", "b = ", ""]))
     assert refusal.value.faults[0].line == 2

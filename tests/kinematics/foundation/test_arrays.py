@@ -1,4 +1,6 @@
-"""Numbers from outside: what is none, or of another shape, is refused in words, wherever a user can give it."""
+"""Numbers from outside: what is none, or of another shape, is refused in words, wherever a user can
+give it.
+"""
 
 import numpy as np
 import pytest
@@ -29,7 +31,9 @@ def test_numbers_stay_what_they_are(values):
             finite_array([*values, bad], "x", unit="mm")
 
 
-@pytest.mark.parametrize("value", ["1", "1 m", None, [[1], [2, 3]], [1, None], object(), {1: 2}, True, 1j, b"1"])
+@pytest.mark.parametrize(
+    "value", ["1", "1 m", None, [[1], [2, 3]], [1, None], object(), {1: 2}, True, 1j, b"1"]
+)
 def test_what_is_no_number_is_said(value):
     with pytest.raises(k.MotionError, match=r"^span must be one finite number in m, not "):
         finite_array(value, "span", (), unit="m")
@@ -81,7 +85,10 @@ def test_budgets_of_no_pose(preset, given, told):
         ({"gravity": [9.8]}, r"gravity must be finite numbers \(3,\) in m/s²"),
         ({"gravity": 9.8}, "gravity must be"),
         ({"gravity": np.ones((2, 3))}, "gravity must be"),
-        ({"wrench": [1.0]}, r"wrench must be finite numbers \(6,\) or \(1, 6\) or \(2, 6\) in N and N·m"),
+        (
+            {"wrench": [1.0]},
+            r"wrench must be finite numbers \(6,\) or \(1, 6\) or \(2, 6\) in N and N·m",
+        ),
         ({"wrench": np.ones((2, 1))}, "wrench must be"),
         ({"wrench": [[1, 2], [3]]}, "wrench must be"),
         ({"wrench": "10 N"}, "wrench must be"),
@@ -108,7 +115,10 @@ def test_the_shapes_that_forces_say(preset, motion):
 def test_the_motion_of_another_machine_is_refused(preset):
     other = k.load_machine("hexapod-initial")
     foreign = k.motion_of_poses(preset, PLACE)
-    with pytest.raises(k.MotionError, match=r"hexapod-initial: the motion is another machine's: at instant 0 its leg1"):
+    with pytest.raises(
+        k.MotionError,
+        match=r"hexapod-initial: the motion is another machine's: at instant 0 its leg1",
+    ):
         k.forces(other, foreign, reflected=1.0)
     own = k.motion_of_poses(other, PLACE)
     np.testing.assert_array_equal(k.forces(other, own).motion.q, other.inverse(PLACE))
@@ -149,4 +159,6 @@ def test_bisection_finds_each_edge_from_below():
     found = bisect(lambda values: values <= edges, np.zeros(3), np.ones(3))
     assert (found <= edges).all()
     assert found == pytest.approx(edges, rel=1e-14)
-    assert bisect(lambda value: value**2 <= 2.0, 1.0, 2.0, 20) == pytest.approx(np.sqrt(2.0), abs=2.0**-20)
+    assert bisect(lambda value: value**2 <= 2.0, 1.0, 2.0, 20) == pytest.approx(
+        np.sqrt(2.0), abs=2.0**-20
+    )

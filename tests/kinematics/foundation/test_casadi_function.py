@@ -38,7 +38,9 @@ def points(count, inputs, seed=0):
 
 
 def test_batches_of_every_size_equal_one_row_at_a_time():
-    """Blocks of 256, 16 and 1 meet in every combination; the same compiled code on every row: equal to the last bit."""
+    """Blocks of 256, 16 and 1 meet in every combination; the same compiled code on every row: equal
+    to the last bit.
+    """
     expression, x = sparse(), points(LARGEST, 3)
     one_by_one = np.concatenate([expression(row[None]) for row in x])
     # a handful of roundings of values below 5
@@ -53,8 +55,14 @@ def test_batches_of_every_size_equal_one_row_at_a_time():
 def test_maps_of_machines_in_batches_equal_one_pose_at_a_time(machine, poses_about, size):
     poses = to_numbers(poses_about(machine.home, machine, size, 0.3))
     x = machine.inputs(poses, machine.home_q)
-    for expression, rows in ((machine.inverse_map, x), (machine.jacobian_map, x), (machine.tilt_map, poses)):
-        assert np.array_equal(expression(rows), np.concatenate([expression(row[None]) for row in rows]))
+    for expression, rows in (
+        (machine.inverse_map, x),
+        (machine.jacobian_map, x),
+        (machine.tilt_map, poses),
+    ):
+        assert np.array_equal(
+            expression(rows), np.concatenate([expression(row[None]) for row in rows])
+        )
 
 
 def test_results_are_not_overwritten_by_the_next_call():
@@ -99,16 +107,22 @@ def cells(centre, half, order):
 
 
 def assert_encloses(expression, centre, half, order=3):
-    """Values inside the cells lie in the Taylor polynomial about the centre with Lagrange's remainder over the cell.
+    """Values inside the cells lie in the Taylor polynomial about the centre with Lagrange's
+    remainder over the cell.
 
-    How much wider the enclosure is than it need be is the enclosure of the remainder: returned for the caller to judge.
+    How much wider the enclosure is than it need be is the enclosure of the remainder: returned for
+    the caller to judge.
     """
-    about, anywhere = (Series.stack(expression.enclose(x)).pad(order) for x in cells(centre, half, order))
+    about, anywhere = (
+        Series.stack(expression.enclose(x)).pad(order) for x in cells(centre, half, order)
+    )
     whole = anywhere.mid[0], anywhere.rad[0]
     remainder = np.abs(anywhere.mid[order]) + anywhere.rad[order]
     for tau in np.linspace(-1, 1, 9):
         values = expression(centre + half * tau)
-        rounding = 1e-14 * (1 + np.abs(values))  # of the compared values themselves: some dozen operations
+        rounding = 1e-14 * (
+            1 + np.abs(values)
+        )  # of the compared values themselves: some dozen operations
         powers = tau ** np.arange(order)[:, None, None]
         polynomial = (powers * about.mid[:order]).sum(0)
         error = (np.abs(powers) * about.rad[:order]).sum(0) + remainder * abs(tau) ** order
@@ -119,7 +133,9 @@ def assert_encloses(expression, centre, half, order=3):
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_enclosures_contain_the_values_inside_the_cells(order):
-    """The error of a cell shrinks with the width to the power of the order, as a Taylor polynomial's does."""
+    """The error of a cell shrinks with the width to the power of the order, as a Taylor
+    polynomial's does.
+    """
     centre, half = points(300, 3, 1), points(300, 3, 2)
     widths = (0.1, 0.01, 0.001)
     errors = [assert_encloses(sparse(), centre, width * half, order).max() for width in widths]
@@ -130,12 +146,17 @@ def test_enclosures_contain_the_values_inside_the_cells(order):
 
 
 def test_enclosures_of_machines_contain_the_values_inside_the_cells(machine, poses_about):
-    """The twelve numbers of a pose vary freely here: no rotation is needed for the maps to be functions."""
+    """The twelve numbers of a pose vary freely here: no rotation is needed for the maps to be
+    functions.
+    """
     random = np.random.default_rng(3)
     centre = to_numbers(poses_about(machine.home, machine, 40, 0.3))
     size = np.array([machine.characteristic_length] * 3 + [1.0] * 9)
     half = 0.02 * size * random.uniform(-1, 1, (40, 12))
-    branch, same = machine.inputs(centre, machine.home_q), machine.inputs(half, np.zeros(len(machine.axes)))
+    branch, same = (
+        machine.inputs(centre, machine.home_q),
+        machine.inputs(half, np.zeros(len(machine.axes))),
+    )
     for expression in (machine.inverse_map, machine.jacobian_map):
         assert np.isfinite(assert_encloses(expression, branch, same)).all()
     if machine.tilt_names:

@@ -48,16 +48,25 @@ def test_worth(text, value):
 
 
 leaves = st.one_of(
-    st.floats(-9, 9).map(lambda x: f"{x:.3f}"), st.sampled_from(["t", "pi", "r"]), st.integers(0, 99).map(str)
+    st.floats(-9, 9).map(lambda x: f"{x:.3f}"),
+    st.sampled_from(["t", "pi", "r"]),
+    st.integers(0, 99).map(str),
 )
 formulas = st.recursive(
     leaves,
     lambda inner: st.one_of(
-        st.tuples(inner, st.sampled_from(["+", "-", "*", "/", " ** "]), inner).map(lambda x: f"({x[0]}{x[1]}{x[2]})"),
+        st.tuples(inner, st.sampled_from(["+", "-", "*", "/", " ** "]), inner).map(
+            lambda x: f"({x[0]}{x[1]}{x[2]})"
+        ),
         st.tuples(
-            st.sampled_from(["-", "+", "sin", "cos", "tan", "exp", "abs", "log", "sqrt", "asin", "acos"]), inner
+            st.sampled_from(
+                ["-", "+", "sin", "cos", "tan", "exp", "abs", "log", "sqrt", "asin", "acos"]
+            ),
+            inner,
         ).map(lambda x: f"{x[0]}({x[1]})"),
-        st.tuples(st.sampled_from(["atan2", "min", "max"]), inner, inner).map(lambda x: f"{x[0]}({x[1]}, {x[2]})"),
+        st.tuples(st.sampled_from(["atan2", "min", "max"]), inner, inner).map(
+            lambda x: f"{x[0]}({x[1]}, {x[2]})"
+        ),
     ),
     max_leaves=8,
 )
@@ -85,7 +94,11 @@ def worth(node, names):
     if name in ("sin", "cos", "tan") and abs(values[0]) > 1e6:
         return complex("nan")  # the rounding of so large an angle is more than is looked at
     if name in ("atan2", "min", "max", "abs"):
-        return complex({"atan2": math.atan2, "min": min, "max": max, "abs": abs}[name](*(v.real for v in values)))
+        return complex(
+            {"atan2": math.atan2, "min": min, "max": max, "abs": abs}[name](
+                *(v.real for v in values)
+            )
+        )
     return getattr(cmath, name)(*values)
 
 
@@ -128,7 +141,9 @@ HOSTILE = [
 
 @pytest.mark.parametrize("text", HOSTILE)
 def test_nothing_else_is_a_formula(text):
-    """Refused, at once, and without a warning of the parser; but for sums and parentheses, which are harmless."""
+    """Refused, at once, and without a warning of the parser; but for sums and parentheses, which
+    are harmless.
+    """
     with cpu_limit(0.2):
         if text.startswith(("t+t+", "((((")):
             with contextlib.suppress(MotionError):

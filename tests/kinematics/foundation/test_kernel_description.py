@@ -1,4 +1,6 @@
-"""Stored machine code is that of the present sources: a changed source changes a kernel's description."""
+"""Stored machine code is that of the present sources: a changed source changes a kernel's
+description.
+"""
 
 import math
 import subprocess
@@ -44,7 +46,9 @@ def is_described(value):
 
 
 def test_kernels_read_nothing_that_their_description_omits():
-    """A plain function, a nested one and a value of another module would change machine code unnoticed."""
+    """A plain function, a nested one and a value of another module would change machine code
+    unnoticed.
+    """
     known = list_kernels()
     assert len(known) > 75
     for name, kernel in known.items():
@@ -86,18 +90,24 @@ def test_a_changed_constant_changes_the_description(monkeypatch, value):
 @pytest.mark.parametrize("annotation", ["Floats2", "int"])
 def test_a_changed_type_changes_the_description(monkeypatch, annotation):
     before = describe_kernel(stages.advance)
-    monkeypatch.setitem(stages.advance.function.__annotations__, "v", getattr(kernels, annotation, int))
+    monkeypatch.setitem(
+        stages.advance.function.__annotations__, "v", getattr(kernels, annotation, int)
+    )
     assert describe_kernel(stages.advance) != before
 
 
 def test_a_module_in_a_kernel_is_refused():
-    """A change of its constant would leave the description as it is; those of numpy come with its version."""
+    """A change of its constant would leave the description as it is; those of numpy come with its
+    version.
+    """
 
     @kernels.kernel
     def scale(x: float) -> float:
         return x * riccati.MIN_CURVATURE * np.pi * math.e
 
-    with pytest.raises(TypeError, match=r"reads planner\.timing\.order3\.riccati as a module: import .* by name"):
+    with pytest.raises(
+        TypeError, match=r"reads planner\.timing\.order3\.riccati as a module: import .* by name"
+    ):
         describe_kernel(scale)
     with pytest.raises(TypeError, match="as a module"):
         scale(1.0)
@@ -107,7 +117,9 @@ def test_a_description_does_not_depend_on_the_process():
     code = "from kinematics.foundation.kernels import describe_kernel; from planner.timing.order3 import riccati;"
     code += "print(repr(describe_kernel(riccati.solve_newton)))"
     texts = {
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout
         for _ in range(2)
     }
     assert len(texts) == 1

@@ -1,4 +1,6 @@
-"""Compiled kernels and tapes: CasADi's own values to the last bit, and what is said while they are compiled."""
+"""Compiled kernels and tapes: CasADi's own values to the last bit, and what is said while they are
+compiled.
+"""
 
 import os
 import subprocess
@@ -37,7 +39,9 @@ BINARY = {
     "atan2": ca.atan2,
 }
 STEPS = st.lists(
-    st.tuples(st.sampled_from([*UNARY, *BINARY]), st.integers(0, 99), st.integers(0, 99)), min_size=1, max_size=30
+    st.tuples(st.sampled_from([*UNARY, *BINARY]), st.integers(0, 99), st.integers(0, 99)),
+    min_size=1,
+    max_size=30,
 )
 
 
@@ -77,18 +81,34 @@ def enclosed(expression, degrees, error, cells, order, seed):
     """Series by the tape and by Python, padded alike."""
     rng = np.random.default_rng(seed)
     inputs = [
-        Series(rng.normal(size=(d + 1, cells)), np.abs(error * rng.normal(size=(d + 1, cells))), order) for d in degrees
+        Series(
+            rng.normal(size=(d + 1, cells)), np.abs(error * rng.normal(size=(d + 1, cells))), order
+        )
+        for d in degrees
     ]
     found = expression.enclose(inputs)
     with np.errstate(all="ignore"):
         expected = expression.walk(inputs, lambda value: Series.constant(np.array([value]), order))
     for ours, theirs in zip(found, expected, strict=True):
         full = theirs.pad(order)
-        yield ours, Series(np.broadcast_to(full.mid, ours.mid.shape), np.broadcast_to(full.rad, ours.rad.shape), order)
+        yield (
+            ours,
+            Series(
+                np.broadcast_to(full.mid, ours.mid.shape),
+                np.broadcast_to(full.rad, ours.rad.shape),
+                order,
+            ),
+        )
 
 
 @settings(max_examples=60, deadline=None)
-@given(STEPS, st.integers(0, 2**32), st.sampled_from([1, 8, 31, 70]), st.integers(0, 5), st.sampled_from([0.0, 1e-3]))
+@given(
+    STEPS,
+    st.integers(0, 2**32),
+    st.sampled_from([1, 8, 31, 70]),
+    st.integers(0, 5),
+    st.sampled_from([0.0, 1e-3]),
+)
 def test_a_taylor_tape_gives_the_balls_of_series(steps, seed, cells, order, error):
     """To the last bit, of random expressions, unbounded where these are."""
     x = ca.SX.sym("x", 3)
@@ -116,9 +136,13 @@ def assert_same_balls(ours, theirs):
 @pytest.mark.parametrize("order", [0, 1, 6, 12])
 @pytest.mark.parametrize("cells", [1, 500])
 def test_taylor_tapes_of_angles_are_those_of_series(name, error, order, cells):
-    """numpy's own sines would be another library's; sums of many terms have one order for any number of cells."""
+    """numpy's own sines would be another library's; sums of many terms have one order for any
+    number of cells.
+    """
     x = ca.SX.sym("x", 2)
-    expression = Expression("f", x, UNARY[name](x[0]) if name in UNARY else BINARY[name](x[0], x[1]))
+    expression = Expression(
+        "f", x, UNARY[name](x[0]) if name in UNARY else BINARY[name](x[0], x[1])
+    )
     for degrees in ((order, order), (0, order), (0, 0)):
         for ours, theirs in enclosed(expression, degrees, error, cells, order, 7):
             assert_same_balls(ours, theirs)
@@ -127,18 +151,34 @@ def test_taylor_tapes_of_angles_are_those_of_series(name, error, order, cells):
 @pytest.mark.parametrize("order", [0, 1, 5, 12])
 @pytest.mark.parametrize("cells", [1, FEW_CELLS - 1])
 def test_few_cells_have_the_same_balls_without_the_compiler(cells, order):
-    """To the last bit, of columns of several degrees, some of them zero: processes differ in what they have loaded."""
+    """To the last bit, of columns of several degrees, some of them zero: processes differ in what
+    they have loaded.
+    """
     x = ca.SX.sym("x", 4)
     turned = [ca.sin(x[2]) * x[0], ca.cos(x[1]) / (3 + x[2]), ca.atan2(x[3], 2 + x[1])]
-    values = [x[0] * x[2], x[1] * x[2], x[1] * x[3] - x[2], ca.sqrt(3 + x[2] * x[2]), *turned, ca.exp(x[1]), 2.0]
+    values = [
+        x[0] * x[2],
+        x[1] * x[2],
+        x[1] * x[3] - x[2],
+        ca.sqrt(3 + x[2] * x[2]),
+        *turned,
+        ca.exp(x[1]),
+        2.0,
+    ]
     rng = np.random.default_rng(cells)
-    wide = Series(rng.uniform(-1, 1, (order + 1, cells, 3)), 1e-9 * rng.uniform(size=(order + 1, cells, 3)), order)
+    wide = Series(
+        rng.uniform(-1, 1, (order + 1, cells, 3)),
+        1e-9 * rng.uniform(size=(order + 1, cells, 3)),
+        order,
+    )
     wide.mid[:, :, 0] = wide.rad[:, :, 0] = 0.0
     wide.mid[1:, :, 1] = wide.rad[1:, :, 1] = 0.0
     constant = Series.constant(rng.uniform(-1, 1, (cells, 1)), order)
     for several in (values, values[:-2]):  # no tape knows an exponential
         expression = Expression("f", x, ca.vertcat(*several))
-        compiled, walked = (enclose_as(expression, loaded, wide, constant) for loaded in (True, False))
+        compiled, walked = (
+            enclose_as(expression, loaded, wide, constant) for loaded in (True, False)
+        )
         assert np.isfinite(compiled.rad).all()
         assert_same_balls(compiled.pad(order), walked.pad(order))
 
@@ -151,7 +191,9 @@ def enclose_as(expression, is_loaded, *columns):
 
 
 def test_what_encloses_depends_on_the_work_alone(monkeypatch):
-    """Many cells are never enclosed as the process happens to have loaded: their radii may differ."""
+    """Many cells are never enclosed as the process happens to have loaded: their radii may
+    differ.
+    """
     x = ca.SX.sym("x", 1)
     expression = Expression("f", x, ca.sqrt(2 + x))
     operations = expression.function.n_instructions()
@@ -178,7 +220,9 @@ def test_large_batches_give_the_values_of_small_ones():
     both = Expression("f", x, ca.vertcat(ca.sin(x[0]) * x[1], ca.sqrt(x[0] ** 2 + x[1] ** 2)))
     points = np.random.default_rng(1).normal(size=(40_000, 2))
     run(both.function, points[:2])  # the compiler is loaded
-    assert np.array_equal(both(points)[::997], np.concatenate([both(point[None]) for point in points[::997]]))
+    assert np.array_equal(
+        both(points)[::997], np.concatenate([both(point[None]) for point in points[::997]])
+    )
 
 
 TINY = """
@@ -259,7 +303,14 @@ def test_a_change_of_a_callee_in_another_file_is_seen(tiny, tmp_path):
         (tmp_path / "base.py").write_text(text)
         results += [tiny().stdout for _ in range(2)]
     old, new = "6.0 3.0 3.0", "7.0 3.0 3.0"
-    assert results == [f"{old} 0\n", f"{old} 1\n", f"{new} 0\n", f"{new} 1\n", f"{old} 1\n", f"{old} 1\n"]
+    assert results == [
+        f"{old} 0\n",
+        f"{old} 1\n",
+        f"{new} 0\n",
+        f"{new} 1\n",
+        f"{old} 1\n",
+        f"{old} 1\n",
+    ]
 
 
 def test_another_setting_of_the_compiler_uses_another_folder(tiny):
@@ -400,7 +451,9 @@ def test_little_work_does_not_load_the_compiler(tiny):
 
 
 def test_compiling_is_announced_once_and_loading_is_not(tiny):
-    code = "import tiny, numba\nkernels.PATIENCE = kernels.LOOK = 0.001\n" + RUN + "tiny.scale(x, 1.0)"
+    code = (
+        "import tiny, numba\nkernels.PATIENCE = kernels.LOOK = 0.001\n" + RUN + "tiny.scale(x, 1.0)"
+    )
     first, second = tiny(code), tiny(code)
     assert first.stderr.count("compiling numerical kernels") == 1
     assert (second.stdout, second.stderr) == ("6.0 3.0 3.0 1\n", "")

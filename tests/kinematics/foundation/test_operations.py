@@ -1,4 +1,6 @@
-"""Operations of expressions: what is rewritten has its own values and sound bounds; what is not known is refused."""
+"""Operations of expressions: what is rewritten has its own values and sound bounds; what is not
+known is refused.
+"""
 
 import casadi as ca
 import numpy as np
@@ -47,7 +49,9 @@ def test_values_and_derivatives_are_those_of_other_libraries(name, values):
     np.testing.assert_allclose(made(values)[:, 0], function(*columns), rtol=1e-13, atol=1e-15)
     slope = Expression("slope", ca.vertcat(A, B), ca.jacobian(expression, A))
     own = ca.Function("own", [A, B], [ca.jacobian(expression, A)])
-    np.testing.assert_allclose(slope(values)[:, 0], np.array(own(*values.T)).ravel(), rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(
+        slope(values)[:, 0], np.array(own(*values.T)).ravel(), rtol=1e-12, atol=1e-14
+    )
 
 
 @pytest.mark.parametrize("name", [*CASES, *PAIRS])
@@ -55,12 +59,18 @@ def test_enclosures_hold_every_value(name, values):
     """Of an interval around each of the values: numpy's values lie within."""
     expression, function = CASES.get(name) or PAIRS[name]
     made, half = Expression("made", ca.vertcat(A, B), expression), 5e-3
-    (found,) = made.enclose([Series(column[None], np.full((1, len(column)), half), 0) for column in values.T])
-    assert np.isfinite(found.rad[0]).mean() > 0.8  # unbounded only where the smaller of two is not told apart
+    (found,) = made.enclose(
+        [Series(column[None], np.full((1, len(column)), half), 0) for column in values.T]
+    )
+    assert (
+        np.isfinite(found.rad[0]).mean() > 0.8
+    )  # unbounded only where the smaller of two is not told apart
     for share in np.linspace(-1, 1, 9):
         moved = values + half * share
         told = function(*(moved.T if name in PAIRS else moved[:, :1].T))
-        beyond = np.abs(told - found.mid[0]) > found.rad[0] + 1e-14 * (1 + np.abs(told))  # nan: no bound
+        beyond = np.abs(told - found.mid[0]) > found.rad[0] + 1e-14 * (
+            1 + np.abs(told)
+        )  # nan: no bound
         assert not beyond.any()
 
 
@@ -70,12 +80,23 @@ def test_basic_functions_stay_as_they_are():
 
 
 @pytest.mark.parametrize(
-    "expression", [ca.floor(A), ca.if_else(A > B, A, B), ca.fmod(A, B), ca.erf(A), ca.copysign(A, B), ca.asinh(A)]
+    "expression",
+    [
+        ca.floor(A),
+        ca.if_else(A > B, A, B),
+        ca.fmod(A, B),
+        ca.erf(A),
+        ca.copysign(A, B),
+        ca.asinh(A),
+    ],
 )
 def test_what_has_no_bounds_is_refused_with_what_there_is(expression):
     made = Expression("own", ca.vertcat(A, B), expression)
     assert np.isfinite(made(np.array([[0.4, 0.3]]))).all()  # values need no bounds
-    for ask in (lambda: refuse_unknown(made.function), lambda: made.enclose([Series.constant(np.ones(1), 2)] * 2)):
+    for ask in (
+        lambda: refuse_unknown(made.function),
+        lambda: made.enclose([Series.constant(np.ones(1), 2)] * 2),
+    ):
         with pytest.raises(MotionError) as no:
             ask()
         assert ALLOWED in str(no.value)
@@ -112,7 +133,9 @@ class Polar(pp.Machine):
 
     def expression(self, position, rotation, near):
         r = ca.hypot(position[0], position[1])
-        return ca.vertcat(r, ca.sign(position[1] + 1e-300) * ca.acos(position[0] / r), self.height(position[2]))
+        return ca.vertcat(
+            r, ca.sign(position[1] + 1e-300) * ca.acos(position[0] / r), self.height(position[2])
+        )
 
 
 def test_a_machine_in_python_has_them_too():
@@ -122,11 +145,15 @@ def test_a_machine_in_python_has_them_too():
     assert plan.certificate.holds
     state = plan.trajectory.at(np.linspace(0, plan.trajectory.duration, 50))
     x, y, z = state.pose.translation.T
-    np.testing.assert_allclose(state.q, np.stack([np.hypot(x, y), np.arctan2(y, x), z], 1), atol=1e-12)
+    np.testing.assert_allclose(
+        state.q, np.stack([np.hypot(x, y), np.arctan2(y, x), z], 1), atol=1e-12
+    )
 
 
 def test_a_machine_of_unknown_operations_is_refused_when_it_is_made():
-    with pytest.raises(MotionError, match=r"machine polar: inverse: floor is no operation .* there are \+ - \* /"):
+    with pytest.raises(
+        MotionError, match=r"machine polar: inverse: floor is no operation .* there are \+ - \* /"
+    ):
         Polar(lambda z: ca.floor(z * 100) / 100)
     with pytest.raises(MotionError, match="machine polar: inverse: if_else_zero is no operation"):
         Polar(lambda z: ca.if_else(z > 0, z, 0))

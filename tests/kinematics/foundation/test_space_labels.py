@@ -1,4 +1,6 @@
-"""Numbers and names of axes in space: none lies upon another, whatever the shape of what is drawn."""
+"""Numbers and names of axes in space: none lies upon another, whatever the shape of what is
+drawn.
+"""
 
 import numpy as np
 import pytest
@@ -21,7 +23,9 @@ VIEWS = {"a path": (30, -60), "a machine": (26.5, -56.3)}
 
 
 def lay_out(text, renderer):
-    """Centre, turn, half-sizes and points of the box that a text fills; names of axes are turned."""
+    """Centre, turn, half-sizes and points of the box that a text fills; names of axes are
+    turned.
+    """
     turn = np.deg2rad(text.get_rotation())
     middle = np.mean(text.get_window_extent(renderer).get_points(), axis=0)
     turned = text.get_rotation()
@@ -42,7 +46,10 @@ def find_overlaps(ax, renderer):
     boxes = [(text.get_text(), *lay_out(text, renderer)) for text in texts]
     for n, (name, middle, frame, half, points) in enumerate(boxes):
         for other, there, turned, size, corners in boxes[n + 1 :]:
-            inside = np.abs((corners - middle) @ frame) < half, np.abs((points - there) @ turned) < size
+            inside = (
+                np.abs((corners - middle) @ frame) < half,
+                np.abs((points - there) @ turned) < size,
+            )
             if any(each.all(1).any() for each in inside):
                 yield name, other
 

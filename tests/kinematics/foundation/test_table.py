@@ -21,12 +21,21 @@ class Fake(Result):
 
 
 def test_text_is_scaled_and_aligned():
-    assert str(Fake()).splitlines() == ["<b>", "name  l (mm)", "a      1.235", "<i>        ∞", "c", "note"]
+    assert str(Fake()).splitlines() == [
+        "<b>",
+        "name  l (mm)",
+        "a      1.235",
+        "<i>        ∞",
+        "c",
+        "note",
+    ]
 
 
 def test_a_bound_is_rounded_upwards():
     assert Column("x", [1.00000001, 1.0, 0.5], form=".7f", up=True).cell(0) == "1.0000001"
-    assert float(Column("x", [1e305], form=".7f", up=True).cell(0)) == 1e305  # times 1e7 it is no float
+    assert (
+        float(Column("x", [1e305], form=".7f", up=True).cell(0)) == 1e305
+    )  # times 1e7 it is no float
 
 
 def test_rows_with_units_of_their_own_are_followed_by_a_column_of_them():
@@ -99,4 +108,9 @@ def test_rows_with_several_units_of_their_own_name_them_in_the_cells():
     jerk = Column("jerk", [0.001, 1.0], ["m/s^3", "rad/s^3"], "human", ".1f", words={"1.0": "free"})
     table = Table("", (speed, jerk))
     assert table.cells() == [["1.0 mm/s", "1.0 mm/s³"], ["", "free"]]
-    assert [column.heading for column in table.full] == ["speed", "unit of speed", "jerk", "unit of jerk"]
+    assert [column.heading for column in table.full] == [
+        "speed",
+        "unit of speed",
+        "jerk",
+        "unit of jerk",
+    ]

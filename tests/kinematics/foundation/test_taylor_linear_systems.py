@@ -1,4 +1,6 @@
-"""Linear systems of series: the balls contain every solution, and are thin where the arguments are."""
+"""Linear systems of series: the balls contain every solution, and are thin where the arguments
+are.
+"""
 
 from fractions import Fraction
 
@@ -23,7 +25,11 @@ def systems(seed, n, width, count=3):
 
 def picked(series, random, corner):
     """Coefficients somewhere in the balls, or at their surface."""
-    share = random.choice([-1.0, 1.0], series.mid.shape) if corner else random.uniform(-1, 1, series.mid.shape)
+    share = (
+        random.choice([-1.0, 1.0], series.mid.shape)
+        if corner
+        else random.uniform(-1, 1, series.mid.shape)
+    )
     return series.mid + share * series.rad * (1 - 1e-12)
 
 
@@ -35,7 +41,8 @@ def exact(matrix, right):
         rows = [[Fraction(v) for v in row] for row in matrix[0]]
         earlier = [(j, m) for j in range(1, k + 1) for m in range(n)]
         rest = [
-            Fraction(right[k, i]) - sum(Fraction(matrix[j, i, m]) * found[k - j][m] for j, m in earlier)
+            Fraction(right[k, i])
+            - sum(Fraction(matrix[j, i, m]) * found[k - j][m] for j, m in earlier)
             for i in range(n)
         ]
         for c in range(n):
@@ -47,23 +54,34 @@ def exact(matrix, right):
                 rest[r] -= share * rest[c]
         solution = [Fraction(0)] * n
         for c in reversed(range(n)):
-            solution[c] = (rest[c] - sum(rows[c][m] * solution[m] for m in range(c + 1, n))) / rows[c][c]
+            solution[c] = (rest[c] - sum(rows[c][m] * solution[m] for m in range(c + 1, n))) / rows[
+                c
+            ][c]
         found.append(solution)
     return found
 
 
-@given(st.integers(0, 10_000), st.integers(1, 4), st.sampled_from([0.0, 1e-12, 1e-3, 0.05]), st.booleans())
+@given(
+    st.integers(0, 10_000),
+    st.integers(1, 4),
+    st.sampled_from([0.0, 1e-12, 1e-3, 0.05]),
+    st.booleans(),
+)
 @settings(max_examples=40, deadline=None)
 def test_the_balls_contain_every_solution(seed, n, width, corner):
     matrix, right = systems(seed, n, width)
     out = solve_series(matrix, right)
     random = np.random.default_rng(seed + 1)
     for cell in range(matrix.mid.shape[1]):
-        solution = exact(picked(matrix, random, corner)[:, cell], picked(right, random, corner)[:, cell])
+        solution = exact(
+            picked(matrix, random, corner)[:, cell], picked(right, random, corner)[:, cell]
+        )
         for k, values in enumerate(solution):
             for i, value in enumerate(values):
                 if np.isfinite(out.rad[k, cell, i]):
-                    assert abs(Fraction(out.mid[k, cell, i]) - value) <= Fraction(out.rad[k, cell, i])
+                    assert abs(Fraction(out.mid[k, cell, i]) - value) <= Fraction(
+                        out.rad[k, cell, i]
+                    )
     assert width > 1e-3 or np.isfinite(out.rad).all()
 
 

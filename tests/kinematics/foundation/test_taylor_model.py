@@ -1,4 +1,6 @@
-"""Taylor series in ball arithmetic: every enclosure contains the exact coefficients, and not much more."""
+"""Taylor series in ball arithmetic: every enclosure contains the exact coefficients, and not much
+more.
+"""
 
 from dataclasses import dataclass
 from decimal import Context, Decimal
@@ -12,11 +14,15 @@ from hypothesis import strategies as st
 
 from kinematics.foundation.taylor_model import EPS, Series
 
-pytestmark = pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # unbounded: ∞ · 0 reads as no bound
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:invalid value:RuntimeWarning"
+)  # unbounded: ∞ · 0 reads as no bound
 
 ENTRIES = 2
 BITS = 400
-"""Binary digits of the irrational truths: roots and sines of numbers below 1e6 are then good to 1e-80 and better."""
+"""Binary digits of the irrational truths: roots and sines of numbers below 1e6 are then good to
+1e-80 and better.
+"""
 
 EXACTLY = Context(prec=120)
 """Digits of exponentials and logarithms."""
@@ -24,7 +30,8 @@ EXACTLY = Context(prec=120)
 nothing = st.just(0.0)
 # Far from overflow and underflow in every power that order 4 takes; signs and scales mixed.
 numbers = st.one_of(
-    nothing, *(st.floats(low, high) for low, high in ((-1e9, -1e-9), (1e-9, 1e9), (-4, -0.25), (0.25, 4)))
+    nothing,
+    *(st.floats(low, high) for low, high in ((-1e9, -1e-9), (1e-9, 1e9), (-4, -0.25), (0.25, 4))),
 )
 radii = st.one_of(nothing, st.floats(1e-12, 1e3), st.floats(1e-3, 0.5))
 halves = st.one_of(nothing, st.floats(-0.5, -1e-6), st.floats(1e-6, 0.5))
@@ -35,7 +42,9 @@ shares = st.sampled_from([Fraction(n, 4) for n in range(-4, 5)])
 
 @dataclass
 class Drawn:
-    """A series of balls, and in every entry one exact series (coefficients 0 … order) that the balls contain."""
+    """A series of balls, and in every entry one exact series (coefficients 0 … order) that the
+    balls contain.
+    """
 
     series: Series
     points: list[list[Fraction]]
@@ -60,7 +69,9 @@ def product(a, b):
 
 
 def composed(outer, a):
-    """Coefficients of f(a(τ)) from the Taylor coefficients of f at a(0): no recurrence of the code under test."""
+    """Coefficients of f(a(τ)) from the Taylor coefficients of f at a(0): no recurrence of the code
+    under test.
+    """
     inner, result = [Fraction(0), *a[1:]], [Fraction(0)] * len(a)
     for coefficient in reversed(outer):
         result = product(result, inner)
@@ -119,20 +130,32 @@ def arctangent(t):
 
 
 def angle(y, x):
-    """Coefficients of Im log(x + i y): the logarithm's own power series about the point, in complex fractions."""
+    """Coefficients of Im log(x + i y): the logarithm's own power series about the point, in complex
+    fractions.
+    """
     if not (x[0] or y[0]):
         return None
     quarter = 2 * arctangent(Fraction(1))
     if abs(x[0]) >= abs(y[0]):
-        start = arctangent(y[0] / x[0]) + (0 if x[0] > 0 else 2 * quarter * (1 if y[0] >= 0 else -1))
+        start = arctangent(y[0] / x[0]) + (
+            0 if x[0] > 0 else 2 * quarter * (1 if y[0] >= 0 else -1)
+        )
     else:
         start = quarter * (1 if y[0] > 0 else -1) - arctangent(x[0] / y[0])
     square = x[0] ** 2 + y[0] ** 2
-    real = [Fraction(0), *((x[0] * a + y[0] * b) / square for a, b in zip(x[1:], y[1:], strict=True))]
-    imaginary = [Fraction(0), *((x[0] * b - y[0] * a) / square for a, b in zip(x[1:], y[1:], strict=True))]
+    real = [
+        Fraction(0),
+        *((x[0] * a + y[0] * b) / square for a, b in zip(x[1:], y[1:], strict=True)),
+    ]
+    imaginary = [
+        Fraction(0),
+        *((x[0] * b - y[0] * a) / square for a, b in zip(x[1:], y[1:], strict=True)),
+    ]
     result, power = [start, *[Fraction(0)] * (len(x) - 1)], (real, imaginary)
     for n in range(1, len(x)):
-        result = [r + Fraction((-1) ** (n + 1), n) * p for r, p in zip(result, power[1], strict=True)]
+        result = [
+            r + Fraction((-1) ** (n + 1), n) * p for r, p in zip(result, power[1], strict=True)
+        ]
         (a, b), (c, d) = power, (real, imaginary)
         power = (
             [p - q for p, q in zip(product(a, c), product(b, d), strict=True)],
@@ -142,7 +165,9 @@ def angle(y, x):
 
 
 def exponential(a):
-    start = Fraction(EXACTLY.divide(Decimal(a[0].numerator), Decimal(a[0].denominator)).exp(EXACTLY))
+    start = Fraction(
+        EXACTLY.divide(Decimal(a[0].numerator), Decimal(a[0].denominator)).exp(EXACTLY)
+    )
     return composed([start / factorial(n) for n in range(len(a))], a)
 
 
@@ -154,8 +179,18 @@ def logarithm(a):
 
 
 EXACT = {
-    "sum": (lambda a, b: a + b, lambda a, b: [x + y for x, y in zip(a, b, strict=True)], numbers, radii),
-    "difference": (lambda a, b: a - b, lambda a, b: [x - y for x, y in zip(a, b, strict=True)], numbers, radii),
+    "sum": (
+        lambda a, b: a + b,
+        lambda a, b: [x + y for x, y in zip(a, b, strict=True)],
+        numbers,
+        radii,
+    ),
+    "difference": (
+        lambda a, b: a - b,
+        lambda a, b: [x - y for x, y in zip(a, b, strict=True)],
+        numbers,
+        radii,
+    ),
     "product": (lambda a, b: a * b, product, numbers, radii),
     "quotient": (lambda a, b: a / b, quotient, numbers, radii),
     "opposite": (lambda a: -a, lambda a: [-x for x in a], numbers, radii),
@@ -167,7 +202,12 @@ EXACT = {
     "exponential": (lambda a: a.exp(), exponential, angles, spans),
     "logarithm": (lambda a: a.log(), logarithm, numbers, radii),
     "angle": (lambda a, b: a.atan2(b), angle, numbers, radii),
-    "derivative": (lambda a: a.derivative(), lambda a: [k * x for k, x in enumerate(a)][1:], numbers, radii),
+    "derivative": (
+        lambda a: a.derivative(),
+        lambda a: [k * x for k, x in enumerate(a)][1:],
+        numbers,
+        radii,
+    ),
     "second derivative at a rate of 3/4": (
         lambda a: a.differentiate(2, np.array([0.75])),
         lambda a: [k * (k - 1) * x * Fraction(9, 16) for k, x in enumerate(a)][2:],
@@ -191,7 +231,9 @@ def bounded(mid, rad):
 
 
 def assert_contains(series, truths):
-    """Every bounded ball contains its coefficient; where nothing is defined, other tests say what may be claimed."""
+    """Every bounded ball contains its coefficient; where nothing is defined, other tests say what
+    may be claimed.
+    """
     for entry, truth in enumerate(truths):
         for k in range(series.order + 1 if truth else 0):
             mid, rad = coefficient(series, k, entry)
@@ -207,16 +249,22 @@ def assert_contains(series, truths):
 def test_balls_contain_the_exact_coefficients_of_every_series_in_the_arguments(name, data):
     operation, exact, values, errors = EXACT[name]
     order = data.draw(st.integers(1, 4))
-    arguments = [data.draw(balls(order, values, errors)) for _ in range(operation.__code__.co_argcount)]
+    arguments = [
+        data.draw(balls(order, values, errors)) for _ in range(operation.__code__.co_argcount)
+    ]
     result = operation(*(a.series for a in arguments))
-    assert_contains(result, [exact(*points) for points in zip(*(a.points for a in arguments), strict=True)])
+    assert_contains(
+        result, [exact(*points) for points in zip(*(a.points for a in arguments), strict=True)]
+    )
 
 
 @pytest.mark.parametrize("name", EXACT)
 @settings(max_examples=40)
 @given(data=st.data())
 def test_thin_arguments_give_thin_results(name, data):
-    """Order 5 takes some dozen roundings of 1.1e-16 on coefficients that these arguments keep below 20."""
+    """Order 5 takes some dozen roundings of 1.1e-16 on coefficients that these arguments keep below
+    20.
+    """
     operation, exact, *_ = EXACT[name]
 
     def drawn():
@@ -227,12 +275,18 @@ def test_thin_arguments_give_thin_results(name, data):
     arguments = [drawn() for _ in range(operation.__code__.co_argcount)]
     result = operation(*arguments)
     assert result.rad.max() <= 1e-13
-    exact_arguments = [[[Fraction(x) for x in a.mid[:, k]] for k in range(ENTRIES)] for a in arguments]
+    exact_arguments = [
+        [[Fraction(x) for x in a.mid[:, k]] for k in range(ENTRIES)] for a in arguments
+    ]
     assert_contains(result, [exact(*points) for points in zip(*exact_arguments, strict=True)])
 
 
 @given(
-    st.floats(0.5, 100), st.floats(0, 0.999), angles, st.one_of(nothing, st.floats(1e-6, 50)), st.sampled_from([1, -1])
+    st.floats(0.5, 100),
+    st.floats(0, 0.999),
+    angles,
+    st.one_of(nothing, st.floats(1e-6, 50)),
+    st.sampled_from([1, -1]),
 )
 def test_wide_balls_are_as_tight_as_the_image_of_the_interval(mid, share, other, width, sign):
     def ball(m, r):
@@ -249,22 +303,38 @@ def test_wide_balls_are_as_tight_as_the_image_of_the_interval(mid, share, other,
     covers(1 / ball(sign * mid, share * mid), *sorted((sign / low, sign / high)))
     covers(positive.sqrt(), np.sqrt(low), np.sqrt(high))
     extreme = (abs(other) + width) * high
-    assert (positive * ball(other, width)).rad[0, 0] == pytest.approx(extreme - abs(other) * mid, abs=1e-14 * extreme)
-    for part, slope in zip(ball(other, width).sincos(), (np.cos(other), np.sin(other)), strict=True):
+    assert (positive * ball(other, width)).rad[0, 0] == pytest.approx(
+        extreme - abs(other) * mid, abs=1e-14 * extreme
+    )
+    for part, slope in zip(
+        ball(other, width).sincos(), (np.cos(other), np.sin(other)), strict=True
+    ):
         assert part.rad[0, 0] <= min(abs(slope) * width + width**2 / 2, 2) + 16 * EPS
 
 
-zero_inside = st.tuples(st.floats(-1, 1), st.floats(0, 10)).map(lambda pair: (pair[0] * pair[1], pair[1]))
+zero_inside = st.tuples(st.floats(-1, 1), st.floats(0, 10)).map(
+    lambda pair: (pair[0] * pair[1], pair[1])
+)
 tails = st.lists(numbers, max_size=3)
 
 
 def around(first, tail, order=3):
-    """A series whose constant coefficient is the ball (mid, rad), the others exact; two equal entries."""
+    """A series whose constant coefficient is the ball (mid, rad), the others exact; two equal
+    entries.
+    """
     mid = np.repeat(np.array([first[0], *tail])[:, None], ENTRIES, 1)
-    return Series(mid, np.concatenate([np.full((1, ENTRIES), first[1]), np.zeros((len(tail), ENTRIES))]), order)
+    return Series(
+        mid,
+        np.concatenate([np.full((1, ENTRIES), first[1]), np.zeros((len(tail), ENTRIES))]),
+        order,
+    )
 
 
-@given(zero_inside, tails, st.one_of(balls(3), st.just(Drawn(Series.constant(np.zeros(ENTRIES), 3), []))))
+@given(
+    zero_inside,
+    tails,
+    st.one_of(balls(3), st.just(Drawn(Series.constant(np.zeros(ENTRIES), 3), []))),
+)
 def test_a_divisor_that_may_vanish_bounds_nothing(first, tail, top):
     """0/0 included: a quotient that is not defined has no value, not even zero."""
     result = top.series / around(first, tail)
@@ -298,16 +368,22 @@ def test_degree_and_order(a, b, extra):
     assert a.derivative().order == 3
     assert a.pad(a.degree + extra).degree == a.degree + extra
     for part in a.sincos():
-        assert part.degree == (4 if a.degree else 0)  # constants stay constants, which keeps what follows short
+        assert part.degree == (
+            4 if a.degree else 0
+        )  # constants stay constants, which keeps what follows short
     for series in (a + b, a - b, a * b, -a, a.pad(4), *a.sincos()):
         assert series.order == 4
         assert (series.rad >= 0).all()
 
 
 def test_what_is_cut_off_is_never_claimed():
-    """Of (1 + τ)² cut after τ² the derivative is known to τ only: no sum or product with it knows more."""
+    """Of (1 + τ)² cut after τ² the derivative is known to τ only: no sum or product with it knows
+    more.
+    """
     square = Series(np.array([[1.0], [2.0], [1.0]]), np.zeros((3, 1)), 2)
-    cut = Series(np.array([[1.0], [3.0], [3.0]]), np.zeros((3, 1)), 2).derivative()  # of (1 + τ)³: 3 + 6τ + 3τ²
+    cut = Series(
+        np.array([[1.0], [3.0], [3.0]]), np.zeros((3, 1)), 2
+    ).derivative()  # of (1 + τ)³: 3 + 6τ + 3τ²
     assert cut.order == 1
     for known, truth in (
         (square + cut, [4, 8, 4]),
@@ -343,10 +419,15 @@ def test_numbers_and_arrays_stand_on_either_side(a, b, number):
 @settings(max_examples=40)
 @given(data=st.data())
 def test_entries_do_not_touch_each_other(name, data):
-    """Every entry of an array of series gives what it gives alone; a series of one entry serves all."""
+    """Every entry of an array of series gives what it gives alone; a series of one entry serves
+    all.
+    """
     operation = EXACT[name][0]
     well = st.floats(0.5, 4)
-    arguments = [data.draw(balls(3, well, st.floats(0, 0.25))).series for _ in range(operation.__code__.co_argcount)]
+    arguments = [
+        data.draw(balls(3, well, st.floats(0, 0.25))).series
+        for _ in range(operation.__code__.co_argcount)
+    ]
     whole = operation(*arguments)
     for k in range(ENTRIES):
         alone = operation(*(a[k : k + 1] for a in arguments))

@@ -65,7 +65,10 @@ def test_a_decimal_in_mm_is_the_float_nearest_to_its_metres(value):
     assert quantity(f"{value!r} mm", "m") == float(Fraction(repr(value)) / 1000)
 
 
-@given(st.floats(1e-12, 1e12), st.sampled_from([("mm/s", "m/s"), ("deg", "rad"), ("in", "m"), ("ozf*in", "N*m")]))
+@given(
+    st.floats(1e-12, 1e12),
+    st.sampled_from([("mm/s", "m/s"), ("deg", "rad"), ("in", "m"), ("ozf*in", "N*m")]),
+)
 def test_describe_and_quantity_are_inverse_to_the_digits_shown(value, units):
     shown_unit, unit = units
     # six significant digits: half of the last is at most 5e-6 of the value
@@ -133,7 +136,8 @@ def test_what_is_no_quantity_is_refused_with_the_reason(text, unit, reason):
 )
 def test_hostile_text_never_reaches_pint(text, monkeypatch):
     monkeypatch.setattr(
-        "kinematics.foundation.units.factor", lambda unit: pytest.fail(f"pint would be handed {unit!r}")
+        "kinematics.foundation.units.factor",
+        lambda unit: pytest.fail(f"pint would be handed {unit!r}"),
     )
     with pytest.raises(MotionError) as refusal:
         quantity(text, "m")
@@ -144,7 +148,12 @@ def test_hostile_text_never_reaches_pint(text, monkeypatch):
 @settings(deadline=None)
 @example("NaN")
 @example("inf")
-@given(st.one_of(st.text(max_size=100), st.text("0123456789.eE+-*/^ µ°mkgsdegradinN1()_\n\0\x1b", max_size=40)))
+@given(
+    st.one_of(
+        st.text(max_size=100),
+        st.text("0123456789.eE+-*/^ µ°mkgsdegradinN1()_\n\0\x1b", max_size=40),
+    )
+)
 def test_any_text_is_a_finite_number_or_a_motion_error(text):
     for candidate in (text, f"1 {text}", f"{text} mm"):
         try:
@@ -177,7 +186,12 @@ def test_unit_value_is_the_si_value_of_one():
         (Unit("m", above=0), "1e-9 mm", "0 mm", "must be above 0 mm"),
         (Unit("m", least=0), "0 mm", "-1e-9 mm", "must be at least 0 mm"),
         (Unit("rad", most=math.pi), "180 deg", "180.001 deg", "must be at most 180 deg"),
-        (Unit("m", least=-1, most=1), "-1 m", "1.1 m", "must be at least -1000 mm and at most 1000 mm"),
+        (
+            Unit("m", least=-1, most=1),
+            "-1 m",
+            "1.1 m",
+            "must be at least -1000 mm and at most 1000 mm",
+        ),
     ],
 )
 def test_bounds_belong_to_the_range_unless_above(unit, good, bad, reason):
@@ -253,9 +267,7 @@ def test_what_is_known_without_pint_is_what_pint_says(unit):
 
 
 def test_the_usual_units_are_read_without_pint():
-    code = (
-        "import sys, kinematics.foundation.units as u; u.quantity('2.5 mm/s', 'm/s'); assert 'pint' not in sys.modules"
-    )
+    code = "import sys, kinematics.foundation.units as u; u.quantity('2.5 mm/s', 'm/s'); assert 'pint' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

@@ -6,14 +6,24 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Arm, Axis, FileError, Joints, MotionError, OutOfReach, load_machine, read_urdf
+from kinematics import (
+    Arm,
+    Axis,
+    FileError,
+    Joints,
+    MotionError,
+    OutOfReach,
+    load_machine,
+    read_urdf,
+)
 
 pin = pytest.importorskip("pinocchio")
 NAMES = ("yaw", "shoulder", "elbow")
 AXES = [Axis(name, kind="rotary") for name in NAMES]
 
-# Three joints with every offset that the form allows: an upright axis off the origin that turns left, a shoulder
-# out and aside, links bent at zero, an elbow that turns the other way than the shoulder, a tool aside and askew.
+# Three joints with every offset that the form allows: an upright axis off the origin that turns
+# left, a shoulder out and aside, links bent at zero, an elbow that turns the other way than the
+# shoulder, a tool aside and askew.
 BENT = """<robot name="bent"><link name="w"/><link name="a"/><link name="b"/><link name="c"/><link name="t"/>
 <joint name="yaw" type="continuous"><parent link="w"/><child link="a"/><origin xyz="0.1 -0.2 0.3" rpy="0 0 0.4"/>
 <axis xyz="0 0 -1"/></joint>
@@ -75,8 +85,11 @@ def test_the_inverse_finds_the_angles_of_pinocchio_s_poses(urdf, joints, elbow):
     machine = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
     q = drawn(joints, elbow=elbow)
     poses = RigidTransform.from_matrix(by_pinocchio(urdf, q))
-    found = np.array([machine.inverse(pose, near=angles + 0.05) for pose, angles in zip(poses, q, strict=True)])
-    # where the tool passes over the yaw axis its angle is lost: an error of 1e-16 m counts as 1e-16/ρ rad
+    found = np.array(
+        [machine.inverse(pose, near=angles + 0.05) for pose, angles in zip(poses, q, strict=True)]
+    )
+    # where the tool passes over the yaw axis its angle is lost: an error of 1e-16 m counts as
+    # 1e-16/ρ rad
     reach = np.hypot(*(poses.translation[:, :2] - joints.points[0, :2]).T)
     assert np.abs(found - q)[reach > 0.1].max() < 1e-12
     assert (reach > 0.1).mean() > 0.7
@@ -98,9 +111,14 @@ def test_the_jacobian_is_pinocchio_s(urdf, joints):
     model = pin.buildModelFromUrdf(str(path))
     data = model.createData()
     q = machine.home_q
-    turning = [[np.cos(a), np.sin(a)] if j.nq == 2 else [a] for j, a in zip(model.joints[1:], q, strict=True)]
+    turning = [
+        [np.cos(a), np.sin(a)] if j.nq == 2 else [a]
+        for j, a in zip(model.joints[1:], q, strict=True)
+    ]
     frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    forward = pin.computeFrameJacobian(model, data, np.concatenate(turning), model.getFrameId(tool), frame)[:3]
+    forward = pin.computeFrameJacobian(
+        model, data, np.concatenate(turning), model.getFrameId(tool), frame
+    )[:3]
     assert machine.jacobian(machine.home)[:, :3] @ forward == pytest.approx(np.eye(3), abs=1e-12)
     assert (machine.jacobian(machine.home)[:, 3:] == 0).all()
 
@@ -117,7 +135,9 @@ def test_the_thesis_end_points_are_within_reach():
 
 
 def test_margins_where_the_arm_is_singular():
-    """Over the yaw axis, and stretched out: its angles have no finite rates there, and that is told as it is."""
+    """Over the yaw axis, and stretched out: its angles have no finite rates there, and that is told
+    as it is.
+    """
     arm = load_machine("arm")
     over = RigidTransform.from_translation([0, 0, 0.5])
     stretched = arm.pose_of(np.array([0.3, 0.5, 0.0]))
@@ -128,7 +148,10 @@ def test_margins_where_the_arm_is_singular():
         with pytest.raises(MotionError, match="machine arm is singular at the pose, position"):
             arm.jacobian(pose)
     # and that is what its neighbours come close to
-    near = [arm.check(arm.pose_of(np.array([0.3, 0.5, bend]))).conditioning[0] for bend in (-1e-1, -1e-2, -1e-3, -1e-4)]
+    near = [
+        arm.check(arm.pose_of(np.array([0.3, 0.5, bend]))).conditioning[0]
+        for bend in (-1e-1, -1e-2, -1e-3, -1e-4)
+    ]
     assert np.diff(np.log10(near)) == pytest.approx(-1, abs=0.15)
 
 
@@ -144,7 +167,10 @@ def test_margins_of_the_other_elbow():
 
 
 def test_from_home_the_other_elbow_is_not_certified():
-    """Between them lies the stretched arm. Full turns do not matter; asked from elsewhere, q says how it stands."""
+    """Between them lies the stretched arm.
+
+    Full turns do not matter; asked from elsewhere, q says how it stands.
+    """
     arm = load_machine("arm")
     poses = arm.forward(arm.home_q + np.random.default_rng(0).uniform(-0.3, 0.3, (50, 3))).pose
     here = np.array([arm.inverse(pose) for pose in poses])
@@ -167,7 +193,8 @@ def test_an_axis_table_of_no_joint_is_told_where_it_stands(tmp_path):
     path.write_text(text)
     line = len(text.splitlines()) - 1
     with pytest.raises(
-        FileError, match=rf'rig.toml:{line}: axis\[\d\].name: "elbo" is no joint, nearest is "elbow"; joints: yaw'
+        FileError,
+        match=rf'rig.toml:{line}: axis\[\d\].name: "elbo" is no joint, nearest is "elbow"; joints: yaw',
     ):
         load_machine(path)
 
@@ -198,7 +225,11 @@ def test_a_link_of_no_length_is_refused():
     points = np.array([[0, 0, 0], [0, 0, 0.2], [0, 0.1, 0.2]])
     upright = np.array([[0, 0, 1.0], [0, 1, 0], [0, 1, 0]])
     with pytest.raises(MotionError, match="neither may vanish"):
-        Arm(Joints(points, upright, np.array([0.7, 0, 0.2]), np.eye(3)), axes=AXES, home=[0, 0.2, 0.9])
+        Arm(
+            Joints(points, upright, np.array([0.7, 0, 0.2]), np.eye(3)),
+            axes=AXES,
+            home=[0, 0.2, 0.9],
+        )
 
 
 @pytest.mark.parametrize(
@@ -211,8 +242,18 @@ def test_a_link_of_no_length_is_refused():
         (BENT, ("yaw", "shoulder", "shoulder"), "t", "three joints that turn"),
         (BENT, NAMES, "b", "'b' is carried by 'shoulder'"),
         (BENT, NAMES, "w", "'w' is carried by nothing that moves"),
-        (LIMITED.replace('"elbow" type="revolute"', '"elbow" type="prismatic"'), NAMES, "t", "'elbow' does not turn"),
-        (BENT.replace('"b"/><child link="c"', '"a"/><child link="c"'), NAMES, "t", "do not follow each other"),
+        (
+            LIMITED.replace('"elbow" type="revolute"', '"elbow" type="prismatic"'),
+            NAMES,
+            "t",
+            "'elbow' does not turn",
+        ),
+        (
+            BENT.replace('"b"/><child link="c"', '"a"/><child link="c"'),
+            NAMES,
+            "t",
+            "do not follow each other",
+        ),
         (LIMITED.replace('"0 -1 0"', '"0 0 0"'), NAMES, "t", "'elbow' has no axis"),
         (BENT.replace('"0.2 -0.04 -0.1"', '"1e300 0 0"'), NAMES, "t", "within 1e.06 m"),
     ],
@@ -248,7 +289,9 @@ def test_an_arm_whose_home_is_straight():
 
 
 def test_the_other_side_is_taken_where_only_it_reaches(joints):
-    """Near a posture over the back, a pose that only the front reaches: `near` picks among what there is."""
+    """Near a posture over the back, a pose that only the front reaches: `near` picks among what
+    there is.
+    """
     bent = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
     rng = np.random.default_rng(5)
     poses = bent.pose_of(rng.uniform(-1.2, 1.2, (200, 3)))

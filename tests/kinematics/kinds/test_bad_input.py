@@ -47,11 +47,23 @@ def traverser(**options):
 
 @given(
     st.sampled_from(
-        ["a", 1j, RAGGED, [[None] * 3] * 6, HOME, np.nan * BASE, 1j * BASE, BASE[:5, :2], np.full((6, 3), 9.0)]
+        [
+            "a",
+            1j,
+            RAGGED,
+            [[None] * 3] * 6,
+            HOME,
+            np.nan * BASE,
+            1j * BASE,
+            BASE[:5, :2],
+            np.full((6, 3), 9.0),
+        ]
     )
 )
 def test_what_are_no_such_numbers_is_told(values):
-    with pytest.raises(MotionError, match=r"^points must be finite numbers \(N, 3\) or \(6, 3\) .* at most 8, not "):
+    with pytest.raises(
+        MotionError, match=r"^points must be finite numbers \(N, 3\) or \(6, 3\) .* at most 8, not "
+    ):
         finite_array(values, "points", (None, 3), (6, 3), unit="m", least=0, most=8)
 
 
@@ -78,14 +90,23 @@ def test_what_are_no_such_numbers_is_told(values):
         (lambda: traverser(axes=[*SLIDES[:3], Axis("R")]), "R is linear; a traverser has a rotary"),
         (lambda: hexapod(name=5), "needs a name"),
         (lambda: traverser(name=""), "needs a name"),
-        (lambda: hexapod(max_tilt="45 deg"), "mine: max_tilt .*must be one finite number in rad .*not '45 deg'"),
+        (
+            lambda: hexapod(max_tilt="45 deg"),
+            "mine: max_tilt .*must be one finite number in rad .*not '45 deg'",
+        ),
         (lambda: hexapod(max_tilt=(1, "a")), "mine: max_tilt .*must be .*not 'a'"),
         (lambda: hexapod(max_tilt=np.ones(12)), "mine: max_tilt .*must be one angle or"),
         (lambda: hexapod(base_rest="z"), "mine: base_rest must be"),
-        (lambda: hexapod(base_rest=[0, 0, 1e-320]), "mine: base_rest .*must be a direction, not zero"),
+        (
+            lambda: hexapod(base_rest=[0, 0, 1e-320]),
+            "mine: base_rest .*must be a direction, not zero",
+        ),
         (lambda: hexapod(leg_radius="a"), "leg_radius must be .*not 'a'"),
         (lambda: hexapod(leg_radius=0.01, base_disc=5), "base_disc must be a Disc, not 5"),
-        (lambda: tripod(platform_disc="a", leg_radius=0.01), "platform_disc must be a Disc, not 'a'"),
+        (
+            lambda: tripod(platform_disc="a", leg_radius=0.01),
+            "platform_disc must be a Disc, not 'a'",
+        ),
         (lambda: Disc("a", 0.1), "radius must be .*not 'a'"),
         (lambda: Disc(None, 0.1), "radius must be .*not None"),
         (lambda: Disc(0.1, 0.1, centre=RAGGED), "centre must be finite numbers"),
@@ -96,17 +117,29 @@ def test_what_are_no_such_numbers_is_told(values):
         (lambda: tripod(tool="abc"), "mine: tool must be finite numbers"),
         (lambda: traverser(directions=RAGGED), "mine: directions must be finite numbers"),
         (lambda: traverser(length="a"), "mine: length must be .*not 'a'"),
-        (lambda: hexapod().check(RigidTransform.from_translation(np.zeros((0, 3)))).worst(), "margins of no poses"),
+        (
+            lambda: hexapod().check(RigidTransform.from_translation(np.zeros((0, 3)))).worst(),
+            "margins of no poses",
+        ),
         (lambda: hexapod().forward(["a"] * 6), "mine: forward takes finite coordinates"),
         (lambda: hexapod().forward(RAGGED), "mine: forward takes finite coordinates"),
-        (lambda: hexapod().forward(hexapod().home_q, hexapod().home_q), "mine: near must be a pose: a scipy"),
+        (
+            lambda: hexapod().forward(hexapod().home_q, hexapod().home_q),
+            "mine: near must be a pose: a scipy",
+        ),
         (lambda: traverser().inverse(HOME, HOME), "mine: near must be finite numbers .4,."),
         (lambda: traverser().inverse(HOME, "a"), "mine: near must be finite numbers .4,."),
         (lambda: workspace(hexapod(), cells=2.5), "cells is 2.5; expected a whole number"),
-        (lambda: workspace(hexapod(), x=(0, 1, 2)), "x, held or from low to high, must be finite numbers"),
+        (
+            lambda: workspace(hexapod(), x=(0, 1, 2)),
+            "x, held or from low to high, must be finite numbers",
+        ),
         (lambda: workspace(hexapod(), x="a"), 'x is "a"; expected a tuple or a number'),
         (lambda: workspace(hexapod(), rotation=np.eye(3)), "rotation is array"),
-        (lambda: workspace(hexapod(), rotation=Rotation.identity(2)), "mine: the workspace's rotation must be one"),
+        (
+            lambda: workspace(hexapod(), rotation=Rotation.identity(2)),
+            "mine: the workspace's rotation must be one",
+        ),
         (
             lambda: workspace(hexapod(), x=0, y=0, z=0.3, cells=1).contains("a", [0, 0, 0]),
             "low must be finite numbers",
@@ -155,20 +188,35 @@ def moved(points, **changed):
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (lambda: hexapod(moved(BASE, _1=BASE[0]), moved(PLATFORM, _1=PLATFORM[0])), "leg1 and leg2 coincide"),
+        (
+            lambda: hexapod(moved(BASE, _1=BASE[0]), moved(PLATFORM, _1=PLATFORM[0])),
+            "leg1 and leg2 coincide",
+        ),
         (lambda: hexapod(base=np.zeros((6, 3))), "all base joints are the same point"),
         (lambda: hexapod(platform=np.full((6, 3), 0.1)), "all platform joints are the same point"),
         (lambda: tripod(base=np.zeros((3, 3))), "all base joints are the same point"),
-        (lambda: tripod(moved(BASE[::2], _1=BASE[0]), moved(PLATFORM[::2], _1=PLATFORM[0])), "arm1 and arm2 coincide"),
-        # parallel arms of the same length: the plate, which does not turn, is held by two of them alone
         (
-            lambda: tripod(moved(BASE[::2], _1=BASE[0] + 0.01), moved(PLATFORM[::2], _1=PLATFORM[0] + 0.01)),
+            lambda: tripod(moved(BASE[::2], _1=BASE[0]), moved(PLATFORM[::2], _1=PLATFORM[0])),
+            "arm1 and arm2 coincide",
+        ),
+        # parallel arms of the same length: the plate, which does not turn, is held by two of them
+        # alone
+        (
+            lambda: tripod(
+                moved(BASE[::2], _1=BASE[0] + 0.01), moved(PLATFORM[::2], _1=PLATFORM[0] + 0.01)
+            ),
             "home is singular .*: arm1, arm2 tog",
         ),
         (lambda: hexapod(moved(BASE, _3=PLATFORM[3] + [0, 0, 0.3])), "leg4 has no length at home"),
-        (lambda: hexapod(np.arange(6)[:, None] * [0.1, 0, 0]), "home is singular .*leg1, leg2, leg3, leg4, leg5, leg6"),
+        (
+            lambda: hexapod(np.arange(6)[:, None] * [0.1, 0, 0]),
+            "home is singular .*leg1, leg2, leg3, leg4, leg5, leg6",
+        ),
         (lambda: hexapod(platform=BASE / 2), "home is singular"),
-        (lambda: hexapod(home=RigidTransform.identity()), "home is singular"),  # all legs in one plane
+        (
+            lambda: hexapod(home=RigidTransform.identity()),
+            "home is singular",
+        ),  # all legs in one plane
     ],
 )
 def test_joints_that_coincide_are_refused(make, told):
@@ -227,7 +275,9 @@ def mirrored(machine):
 
 
 def unnormalised(machine):
-    return RigidTransform.from_rotation(Rotation(2 * machine.home.rotation.as_quat(), normalize=False))
+    return RigidTransform.from_rotation(
+        Rotation(2 * machine.home.rotation.as_quat(), normalize=False)
+    )
 
 
 QUESTIONS = {
@@ -243,10 +293,18 @@ def test_what_is_no_pose_is_refused(machine, question):
     ask = QUESTIONS[question]
     nothing = () if question == "forward" else (None,)  # there it is home
     for pose in (*nothing, np.eye(4), [0, 0.3], "home", Rotation.identity(), np.zeros(7)):
-        with pytest.raises(MotionError, match=f"machine {machine.name}: (pose|near) must be a pose: a scipy"):
+        with pytest.raises(
+            MotionError, match=f"machine {machine.name}: (pose|near) must be a pose: a scipy"
+        ):
             ask(machine, pose)
-    for make, told in ((doubled, "R Rᵀ is 3 off"), (mirrored, "mirrored"), (unnormalised, "R Rᵀ is 15 off")):
-        with pytest.raises(MotionError, match=f"machine {machine.name}: (pose|near) 0 has a rotation .*{told}"):
+    for make, told in (
+        (doubled, "R Rᵀ is 3 off"),
+        (mirrored, "mirrored"),
+        (unnormalised, "R Rᵀ is 15 off"),
+    ):
+        with pytest.raises(
+            MotionError, match=f"machine {machine.name}: (pose|near) 0 has a rotation .*{told}"
+        ):
             ask(machine, make(machine))
     matrix = np.stack([machine.home.as_matrix()] * 2)
     for place in ((1, 0, 3), (1, 0, 0)):
@@ -266,7 +324,9 @@ def test_rounding_is_no_fault(machine):
 
 
 def test_jacobian_refuses_what_inverse_refuses(machine):
-    far = RigidTransform.from_components([1e3, 1e3, 1e3], Rotation.from_rotvec([0.1, 0.2, 0.3]) * machine.home.rotation)
+    far = RigidTransform.from_components(
+        [1e3, 1e3, 1e3], Rotation.from_rotvec([0.1, 0.2, 0.3]) * machine.home.rotation
+    )
     try:
         machine.inverse(far)
     except OutOfReach as error:

@@ -47,10 +47,14 @@ def move(machine, twists):
 
 
 def test_forward_of_inverse_is_the_pose_certified(machine):
-    poses = move(machine, np.random.default_rng(0).uniform(-1, 1, (20, 6)) * ([0.01] * 3 + [0.05] * 3))
+    poses = move(
+        machine, np.random.default_rng(0).uniform(-1, 1, (20, 6)) * ([0.01] * 3 + [0.05] * 3)
+    )
     found = machine.forward(machine.inverse(poses))
     assert found.certified.all()
-    assert np.abs(found.pose.as_matrix() - poses.as_matrix()).max() < 1e-9  # Newton's residual at this conditioning
+    assert (
+        np.abs(found.pose.as_matrix() - poses.as_matrix()).max() < 1e-9
+    )  # Newton's residual at this conditioning
 
 
 def test_the_jacobian_is_that_of_differences(machine):
@@ -69,12 +73,16 @@ def test_the_jacobian_is_that_of_differences(machine):
                 for way in ways
             )
             # central differences: step² of the third derivative, and rounding/step
-            assert np.allclose((after - before) / (2 * step), jacobian[:, :, k], rtol=1e-6, atol=1e-7)
+            assert np.allclose(
+                (after - before) / (2 * step), jacobian[:, :, k], rtol=1e-6, atol=1e-7
+            )
 
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_plans_are_certified_and_their_pulses_follow(machine, order):
-    loop = Program((Line([0.01, 0, 0.005]), Arc([0, 0, 0.005], [0, 0, 1], 2 * np.pi), Line([0, 0, 0])))
+    loop = Program(
+        (Line([0.01, 0, 0.005]), Arc([0, 0, 0.005], [0, 0, 1], 2 * np.pi), Line([0, 0, 0]))
+    )
     made = plan(loop, machine, order=order)
     assert made.certificate.holds
     assert max(made.certificate.worst.values()) <= 1 + 1e-9
@@ -83,7 +91,9 @@ def test_plans_are_certified_and_their_pulses_follow(machine, order):
     pulses = np.array([axis.pulse for axis in machine.axes])
     late = made.pulses.counts(times) * pulses - (state.q - machine.home_q)
     tick = np.abs(state.qd).max() / made.pulses.clock_hz
-    assert (np.abs(late) <= pulses / 2 + tick + 1e-12).all()  # the nearest count, and one tick's travel
+    assert (
+        np.abs(late) <= pulses / 2 + tick + 1e-12
+    ).all()  # the nearest count, and one tick's travel
     assert np.allclose(machine.inverse(state.pose), state.q, atol=1e-9)
 
 
@@ -97,9 +107,13 @@ def test_plans_are_certified_and_their_pulses_follow(machine, order):
     ],
 )
 def test_drawn_links_keep_their_lengths(name, lengths):
-    """The bars are worked out from the coordinates, the rods' ends from the pose: a wrong branch would stretch them."""
+    """The bars are worked out from the coordinates, the rods' ends from the pose: a wrong branch
+    would stretch them.
+    """
     machine = load_machine(name)
-    poses = move(machine, np.random.default_rng(2).uniform(-1, 1, (10, 6)) * ([0.01] * 3 + [0.05] * 3))
+    poses = move(
+        machine, np.random.default_rng(2).uniform(-1, 1, (10, 6)) * ([0.01] * 3 + [0.05] * 3)
+    )
     bars = place_skeleton(machine, to_numbers(poses), machine.inverse(poses)).bars
     found = np.linalg.norm(bars[:, :, 1] - bars[:, :, 0], axis=2)
     each = found.reshape(len(found), len(machine.axes), -1)
@@ -125,9 +139,17 @@ def changed(tmp_path, name, old, new):
         ('moves = ["x", "y", "z"]', 'moves = ["x", "y"]', "3 axes and 2 formulas for 2 components"),
         ('rod = "250 mm"', 'rod = "250 kg"', "neither a number nor a length or an angle"),
         ('rod = "250 mm"', 'x = "250 mm", rod = "250 mm"', "has a meaning already"),
-        ('angle = ["0 deg", "120 deg"', 'angle = [[], "120 deg"', "[] is neither a number nor a length or an angle"),
+        (
+            'angle = ["0 deg", "120 deg"',
+            'angle = [[], "120 deg"',
+            "[] is neither a number nor a length or an angle",
+        ),
         ('angle = ["0 deg", "120 deg"', 'angle = [[0, 1], "120 deg"', "[0, 1] is neither a number"),
-        ('angle = ["0 deg", "120 deg", "240 deg"]', "angle = [[0, 1, 2]]", "[0, 1, 2] is neither a number"),
+        (
+            'angle = ["0 deg", "120 deg", "240 deg"]',
+            "angle = [[0, 1, 2]]",
+            "[0, 1, 2] is neither a number",
+        ),
         ('angle = ["0 deg", "120 deg", "240 deg"]', "angle = []", "one or (3,), not of shape (0,)"),
         ("[axes]", '[[axis]]\nname = "a"\nmax_speed = "5 deg/s"\n[axes]', "slides"),
         ('rod = "250 mm"', 'rod = "100 mm"', "no actuator coordinates reach"),
@@ -140,7 +162,9 @@ def test_what_is_wrong_in_a_file_is_refused_by_name(tmp_path, old, new, told):
 
 
 def test_out_of_reach_and_singular_are_refused():
-    """A SCARA reaches 380 mm; where its arm is straight, no speed of the tool along it has a finite speed of joints."""
+    """A SCARA reaches 380 mm; where its arm is straight, no speed of the tool along it has a finite
+    speed of joints.
+    """
     scara = load_machine("scara")
     with pytest.raises(OutOfReach, match="bring it nearer"):
         scara.inverse(RigidTransform.from_translation([0.381, 0, 0]))
@@ -157,12 +181,16 @@ def test_a_turning_axis_goes_on_past_half_a_turn():
 
 
 def test_a_bed_is_kept_where_the_belts_would_reach_farther():
-    """x + y and x − y reach a diamond of 100 mm; the bed is a box in it, and an arc leaves it between its ends."""
+    """x + y and x − y reach a diamond of 100 mm; the bed is a box in it, and an arc leaves it
+    between its ends.
+    """
     machine = load_machine("corexy")
     assert machine.inverse(RigidTransform.from_translation([0.09, 0, 0])).max() < 0.1
     with pytest.raises(MotionError, match=r"room 90 mm is (above|beyond) .*60 mm .*at x"):
         plan(Program((Line([0.09, 0, 0]),)), machine)
-    bulge = Program((Line([0.055, -0.03, 0]), Arc([0.04, 0, 0], [0, 0, 1], 2 * np.arctan2(0.03, 0.015))))
+    bulge = Program(
+        (Line([0.055, -0.03, 0]), Arc([0.04, 0, 0], [0, 0, 1], 2 * np.arctan2(0.03, 0.015)))
+    )
     with pytest.raises(MotionError, match=r"room 73\.\d* mm .*60 mm .*at x"):
         plan(bulge, machine)
     made = plan(Program((Line([0.055, -0.03, 0]), Line([0.055, 0.03, 0]))), machine)
@@ -176,15 +204,21 @@ def test_margins_the_workspace_and_postures_keep_to_the_bed():
     margins = machine.check(RigidTransform.from_translation(places))
     assert margins.ok.tolist() == [True, False, False]
     assert margins.names[-3:] == ("x room", "y room", "z room")
-    assert margins.uses[:, -3:] == pytest.approx(np.abs(places - [0, 0, 0.02]) / [0.06, 0.06, 0.03], rel=1e-12)
+    assert margins.uses[:, -3:] == pytest.approx(
+        np.abs(places - [0, 0, 0.02]) / [0.06, 0.06, 0.03], rel=1e-12
+    )
     assert margins.worst() == "z room: 105.0% of its limit at pose 2"
     (told,) = posture_of_pose(machine, RigidTransform.from_translation(places[1])).violations
     assert told.startswith("y room: 61.5 mm, outside -60 to 60 mm")
     assert load_machine("traverser").check(machine.home).room_names == ()
     reach = workspace(machine, x=(-0.08, 0.08), y=(-0.03, 0.03), z=0.0, cells=16)
-    assert np.array_equal(reach.reachable[:, 8, 0], np.abs(reach.nodes[0]) < 0.065)  # the belts reach on
+    assert np.array_equal(
+        reach.reachable[:, 8, 0], np.abs(reach.nodes[0]) < 0.065
+    )  # the belts reach on
     assert reach.contains([-0.06, -0.03, 0], [0.06, 0.03, 0])
-    assert "x room: 101.7% of its limit" in reach.contains([-0.061, -0.03, 0], [0.06, 0.03, 0]).reason
+    assert (
+        "x room: 101.7% of its limit" in reach.contains([-0.061, -0.03, 0], [0.06, 0.03, 0]).reason
+    )
 
 
 def test_a_bed_is_written_back(tmp_path):
@@ -203,9 +237,13 @@ DOME = Curve(
 
 
 def test_a_five_axis_table_holds_the_tool_upright_on_a_dome():
-    """Where the slides hold the tool's tip, carried by the table that A tilts and C turns, is the point of the part."""
+    """Where the slides hold the tool's tip, carried by the table that A tilts and C turns, is the
+    point of the part.
+    """
     machine = load_machine("five-axis")
-    start = RigidTransform.from_components([0.015, 0, 0.03 * 0.75**0.5], Rotation.from_euler("y", 30, degrees=True))
+    start = RigidTransform.from_components(
+        [0.015, 0, 0.03 * 0.75**0.5], Rotation.from_euler("y", 30, degrees=True)
+    )
     made = plan(Program((DOME,), start=start, frame="base"), machine)
     assert made.certificate.holds
     state = made.trajectory.at(np.linspace(0, made.trajectory.duration, 100))
@@ -243,19 +281,27 @@ def test_a_five_axis_table_is_singular_where_the_tool_stands_along_its_turning_a
 
 @pytest.mark.parametrize("complete", [False, True])
 def test_what_is_written_is_the_same_machine(machine, tmp_path, complete):
-    """Its axes, its places at poses about home, its skeleton; and the text of what is read back is the text."""
+    """Its axes, its places at poses about home, its skeleton; and the text of what is read back is
+    the text.
+    """
     file = tmp_path / f"{machine.name}.toml"
     file.write_text(machine_toml(machine, complete=complete), encoding="utf-8")
     again = load_machine(file)
     assert again.axes == machine.axes
-    poses = move(machine, np.random.default_rng(2).uniform(-1, 1, (5, 6)) * ([0.01] * 3 + [0.05] * 3))
+    poses = move(
+        machine, np.random.default_rng(2).uniform(-1, 1, (5, 6)) * ([0.01] * 3 + [0.05] * 3)
+    )
     np.testing.assert_allclose(again.inverse(poses), machine.inverse(poses), rtol=1e-12, atol=1e-12)
     assert len(again.bars) == len(machine.bars)
     assert machine_toml(again, complete=complete) == file.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("room", [[(0, 1)], [(0, np.inf), (0, 1), (0, 1)], [(1, 0), (0, 1), (0, 1)], [(0, np.nan)] * 3])
+@pytest.mark.parametrize(
+    "room", [[(0, 1)], [(0, np.inf), (0, 1), (0, 1)], [(1, 0), (0, 1), (0, 1)], [(0, np.nan)] * 3]
+)
 def test_a_room_that_is_none_is_refused(room):
     machine = load_machine("corexy")
     with pytest.raises(MotionError, match=r"room .*from and to of x, y and z"):
-        Equations(machine.freedom, machine.coordinates, axes=machine.axes, home=machine.home, room=room)
+        Equations(
+            machine.freedom, machine.coordinates, axes=machine.axes, home=machine.home, room=room
+        )

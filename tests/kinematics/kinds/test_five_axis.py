@@ -1,10 +1,20 @@
-"""Five axes: the tool's direction counts and its spin follows, so level tools are no more singular than others."""
+"""Five axes: the tool's direction counts and its spin follows, so level tools are no more singular
+than others.
+"""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Body, OutOfReach, forces, load_machine, motion_of_axes, motion_of_poses, posture_of_pose
+from kinematics import (
+    Body,
+    OutOfReach,
+    forces,
+    load_machine,
+    motion_of_axes,
+    motion_of_poses,
+    posture_of_pose,
+)
 from kinematics.analysis.singularity import sensitivity
 from kinematics.machine.pose import to_numbers
 from planner import Line, Program, check, plan
@@ -14,7 +24,9 @@ ANGLES = [10, 60, 85, 89.999, 90, 90.001, 95, 100, 120, 150]
 
 
 def tilted(a, c=0.0, position=(0.01, 0.02, 0.03)):
-    """The pose of axes A and C (degrees), by hand: the table turns by −C about z, then −A about x."""
+    """The pose of axes A and C (degrees), by hand: the table turns by −C about z, then −A about
+    x.
+    """
     rotation = Rotation.from_euler("ZX", [-c, -a], degrees=True)
     return RigidTransform.from_components(np.asarray(position), rotation)
 
@@ -32,7 +44,9 @@ def test_every_tilt_is_certified(a, c):
 
 @pytest.mark.parametrize("a", [30, 90, 110])
 def test_axes_tell_the_motion_of_the_tool(a):
-    """The twist of a unit of each axis against differences of `forward`: the tool's tip and its direction."""
+    """The twist of a unit of each axis against differences of `forward`: the tool's tip and its
+    direction.
+    """
     q = MACHINE.inverse(tilted(a, 25), near=[0, 0, 0, np.radians(a), np.radians(25)])
     pose = MACHINE.forward(q).pose
     unit = sensitivity(MACHINE, to_numbers(pose), q[None])[0]

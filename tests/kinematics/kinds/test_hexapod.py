@@ -1,4 +1,6 @@
-"""The hexapod: published numbers, independent geometry, invariances, margins, and what it refuses."""
+"""The hexapod: published numbers, independent geometry, invariances, margins, and what it
+refuses.
+"""
 
 import numpy as np
 import pytest
@@ -28,12 +30,16 @@ def tilts(machine, pose):
     """(N, 12) rad: base joints, then platform joints, each leg seen from its own joint's frame."""
     legs = leg_vectors(machine, pose)
     seen = np.stack([np.atleast_2d(pose.rotation.inv().apply(legs[:, k])) for k in range(6)], 1)
-    return np.concatenate([angle_between(legs, machine.base_rest), angle_between(seen, machine.platform_rest)], 1)
+    return np.concatenate(
+        [angle_between(legs, machine.base_rest), angle_between(seen, machine.platform_rest)], 1
+    )
 
 
 def from_home(machine, shift, turn=(0.0, 0.0, 0.0)):
     """Poses shifted (m) and turned (rotation vector, rad) from a home that is not turned."""
-    return RigidTransform.from_components(np.add(machine.home.translation, shift), Rotation.from_rotvec(turn))
+    return RigidTransform.from_components(
+        np.add(machine.home.translation, shift), Rotation.from_rotvec(turn)
+    )
 
 
 def above_home(machine, *heights):
@@ -50,7 +56,10 @@ def with_limits(machine, **changes):
 
 
 def test_leg_directions_of_table_4_3():
-    base, platform = joint_circle(0.149, np.deg2rad(30), 0.0), joint_circle(0.149, np.deg2rad(60), -0.0105)
+    base, platform = (
+        joint_circle(0.149, np.deg2rad(30), 0.0),
+        joint_circle(0.149, np.deg2rad(60), -0.0105),
+    )
     home = RigidTransform.from_translation([0, 0, 0.4])
     machine = Hexapod(base, platform, axes=[Axis(leg) for leg in LEGS], home=home)
     # the three rows of a pure translation in the Jacobian are the legs' directions
@@ -60,7 +69,8 @@ def test_leg_directions_of_table_4_3():
         [-5.27128754, -0.746796351, 4.52990963, -4.52990963, 0.746796351, 5.27128754],
         [-2.17930829, 5.65389711, -3.46806031, -3.46806031, 5.65389711, -2.17930829],
     ]
-    # printed to 1e-8, but rounded on the way: this formula in any precision differs by 1.02e-7 at most
+    # printed to 1e-8, but rounded on the way: this formula in any precision differs by 1.02e-7 at
+    # most
     assert found == pytest.approx(np.array(printed), rel=0, abs=1.05e-7)
 
 
@@ -76,7 +86,9 @@ def test_direction_angles_of_the_platform_axis():
 
 
 def test_home_of_the_preset(preset):
-    """Every leg spans 15° of azimuth between circles of 149 and 100 mm: law of cosines, and 219.0774 mm."""
+    """Every leg spans 15° of azimuth between circles of 149 and 100 mm: law of cosines, and
+    219.0774 mm.
+    """
     across = 0.149**2 + 0.1**2 - 2 * 0.149 * 0.1 * np.cos(np.deg2rad(15))
     assert preset.home_q == pytest.approx(np.sqrt(across + HEIGHT**2), rel=1e-15)
     assert preset.home_q == pytest.approx(0.2190774, rel=0, abs=5e-8)  # seven decimals printed
@@ -88,19 +100,25 @@ def test_length_changes_of_the_rubin_observatory(published):
     """Turned about a pivot on the axis: the platform's origin moves along."""
     data = published["rubin_simulink"]
     base, platform = (1e-6 * np.array(data[end]) for end in ("base", "platform"))
-    machine = Hexapod(base, platform, axes=[Axis(leg) for leg in LEGS], home=RigidTransform.identity())
+    machine = Hexapod(
+        base, platform, axes=[Axis(leg) for leg in LEGS], home=RigidTransform.identity()
+    )
     shift, pivot = np.array(data["pose"][:3]), np.array(data["pivot_m"])
     turn = Rotation.from_euler("XYZ", data["pose"][3:])
     pose = RigidTransform.from_components(shift + pivot - turn.apply(pivot), turn)
     change = machine.inverse(pose) - machine.home_q
-    assert change == pytest.approx(data["length_change_m"], rel=0, abs=5e-6)  # half of the last digit
+    assert change == pytest.approx(
+        data["length_change_m"], rel=0, abs=5e-6
+    )  # half of the last digit
 
 
 def test_home_lengths_of_mini_tetra(published):
     data = published["mini_tetra"]
     home = RigidTransform.from_translation(data["home"])
     machine = Hexapod(data["base"], data["platform"], axes=[Axis(leg) for leg in LEGS], home=home)
-    assert machine.home_q == pytest.approx(data["home_lengths"], rel=0, abs=5e-6)  # half of the last digit
+    assert machine.home_q == pytest.approx(
+        data["home_lengths"], rel=0, abs=5e-6
+    )  # half of the last digit
 
 
 # independent geometry
@@ -120,7 +138,9 @@ def test_tilts_are_angles_between_leg_and_rest_axis(any_hexapod, poses_about):
     tolerance = np.where(angles > 0.01, 1e-12, 1e-7)
     margins = any_hexapod.check(poses)
     assert (np.abs(margins.tilt * any_hexapod.max_tilt - angles) < tolerance).all()
-    assert margins.tilt_names == tuple(f"{leg} {end} joint" for end in ("base", "platform") for leg in LEGS)
+    assert margins.tilt_names == tuple(
+        f"{leg} {end} joint" for end in ("base", "platform") for leg in LEGS
+    )
 
 
 def test_moving_both_frames_changes_nothing(any_hexapod, poses_about):
@@ -129,7 +149,8 @@ def test_moving_both_frames_changes_nothing(any_hexapod, poses_about):
     poses = poses_about(any_hexapod.home, any_hexapod, 20, 0.3)
     size = any_hexapod.characteristic_length
     below, above = (
-        RigidTransform.from_components(size * random.uniform(-1, 1, 3), Rotation.random(rng=random)) for _ in range(2)
+        RigidTransform.from_components(size * random.uniform(-1, 1, 3), Rotation.random(rng=random))
+        for _ in range(2)
     )
     moved = Hexapod(
         below.apply(np.array(any_hexapod.base)),  # SciPy takes no read-only arrays
@@ -144,14 +165,18 @@ def test_moving_both_frames_changes_nothing(any_hexapod, poses_about):
     assert moved.inverse(elsewhere) == pytest.approx(any_hexapod.inverse(poses), rel=1e-14)
     before, after = any_hexapod.check(poses), moved.check(elsewhere)
     assert after.travel == pytest.approx(before.travel, rel=0, abs=1e-12)
-    assert np.cos(after.tilt * moved.max_tilt) == pytest.approx(np.cos(before.tilt * any_hexapod.max_tilt), abs=1e-14)
+    assert np.cos(after.tilt * moved.max_tilt) == pytest.approx(
+        np.cos(before.tilt * any_hexapod.max_tilt), abs=1e-14
+    )
 
 
 # margins
 
 
 def test_travel_is_measured_from_the_middle(preset):
-    """Straight up, all legs grow alike, by a known amount: from the one end of the travel to the other."""
+    """Straight up, all legs grow alike, by a known amount: from the one end of the travel to the
+    other.
+    """
     across = preset.home_q[0] ** 2 - HEIGHT**2
 
     def height_for(stroke):
@@ -161,7 +186,9 @@ def test_travel_is_measured_from_the_middle(preset):
     strokes = np.array([0, 0.0254, 0.0508, 0.0381, -um, 0.0508 + um])
     margins = preset.check(above_home(preset, *map(height_for, strokes)))
     # rounding of decimetres in a stroke of 25 mm
-    assert margins.travel == pytest.approx(np.abs(strokes / 0.0254 - 1)[:, None] * np.ones(6), rel=0, abs=1e-13)
+    assert margins.travel == pytest.approx(
+        np.abs(strokes / 0.0254 - 1)[:, None] * np.ones(6), rel=0, abs=1e-13
+    )
     assert margins.ok.tolist() == [True, True, True, True, False, False]
     home = preset.check(preset.home)
     assert home.ok.tolist() == [True]
@@ -170,10 +197,14 @@ def test_travel_is_measured_from_the_middle(preset):
 
 
 def test_the_worst_violation_is_named(preset):
-    """Turned by 18° in twelve directions, each leg suffers most once: which and how much by independent geometry."""
+    """Turned by 18° in twelve directions, each leg suffers most once: which and how much by
+    independent geometry.
+    """
     seen = set()
     for azimuth in np.deg2rad(6 + 30 * np.arange(12)):
-        pose = from_home(preset, [0, 0, 0.025], np.deg2rad(18) * np.array([np.cos(azimuth), np.sin(azimuth), 0]))
+        pose = from_home(
+            preset, [0, 0, 0.025], np.deg2rad(18) * np.array([np.cos(azimuth), np.sin(azimuth), 0])
+        )
         stroke = np.linalg.norm(leg_vectors(preset, pose)[0], axis=1) - preset.home_q
         use = np.abs(stroke - 0.0254) / 0.0254
         worst = int(np.argmax(use))
@@ -193,7 +224,10 @@ def test_the_worst_of_several_poses_is_told_by_its_number(preset):
     margins = machine.check(poses)
     assert margins.ok.tolist() == [True, False, True]
     joint = margins.tilt_names[int(np.argmax(angles[1]))]
-    assert margins.worst() == f"{joint} tilt: {angles[1].max() / np.deg2rad(20):.1%} of its limit at pose 1"
+    assert (
+        margins.worst()
+        == f"{joint} tilt: {angles[1].max() / np.deg2rad(20):.1%} of its limit at pose 1"
+    )
 
 
 @pytest.mark.parametrize("end", ["base", "platform"])
@@ -289,6 +323,12 @@ def test_a_machine_cannot_be_changed_from_outside(preset):
     machine = Hexapod(base, preset.platform, axes=preset.axes, home=preset.home)
     base += 1
     assert np.array_equal(machine.inverse(machine.home), preset.home_q)
-    for array in (machine.base, machine.platform, machine.home_q, machine.base_rest, machine.max_tilt):
+    for array in (
+        machine.base,
+        machine.platform,
+        machine.home_q,
+        machine.base_rest,
+        machine.max_tilt,
+    ):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0

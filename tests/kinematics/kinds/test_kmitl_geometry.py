@@ -1,4 +1,6 @@
-"""The geometry file of [KMITL 2005]: columns as its reader takes them, and the machine that they are."""
+"""The geometry file of [KMITL 2005]: columns as its reader takes them, and the machine that they
+are.
+"""
 
 import numpy as np
 import pytest
@@ -34,7 +36,9 @@ def load(tmp_path):
 
 
 def test_the_preset_s_own_numbers_make_the_preset(load):
-    """The preset's geometry, to the three decimals of the file: its joints, its home and its arms."""
+    """The preset's geometry, to the three decimals of the file: its joints, its home and its
+    arms.
+    """
     found, known = load(text_of()), load_machine("tripod")
     np.testing.assert_allclose(found.base, known.base, atol=0.7e-6)
     np.testing.assert_allclose(found.platform, known.platform, atol=0.7e-6)
@@ -45,14 +49,19 @@ def test_the_preset_s_own_numbers_make_the_preset(load):
 
 
 def test_the_plate_hangs_below_its_joints_and_the_end_point_below_the_plate(load):
-    """Leng lowers the plate and its centre, Ende the end point; the arms are as long as the points say."""
+    """Leng lowers the plate and its centre, Ende the end point; the arms are as long as the points
+    say.
+    """
     points = {**POINTS, "Cent": (1, 2, -250)}
     machine = load(text_of(points, {"Endeffector": 40, "Lengtherror": 7.5}))
     np.testing.assert_allclose(machine.home.translation, [1e-3, 2e-3, -0.2975], atol=1e-12)
     base, plate = (
-        np.array([POINTS[key] for key in keys]) for keys in (("Past", "Pand", "Pard"), ("Pbst", "Pbnd", "Pbrd"))
+        np.array([POINTS[key] for key in keys])
+        for keys in (("Past", "Pand", "Pard"), ("Pbst", "Pbnd", "Pbrd"))
     )
-    np.testing.assert_allclose(machine.home_q * 1e3, np.linalg.norm(plate - base, axis=1), rtol=1e-9)
+    np.testing.assert_allclose(
+        machine.home_q * 1e3, np.linalg.norm(plate - base, axis=1), rtol=1e-9
+    )
 
 
 def test_a_pyramid_that_stands_has_joints_that_point_up(load):
@@ -98,10 +107,18 @@ def test_arm_lengths_are_those_of_the_machine_where_it_keeps_its_plate_and_of_an
     # joint by joint, R = Ry · Rz · Rx about the end point as [KMITL 2005, roll] writes it out
     alpha, theta, beta = 0.2, -0.1, 0.3
     rx, ry, rz = (
-        Rotation.from_euler(axis, angle).as_matrix() for axis, angle in zip("xyz", (beta, alpha, theta), strict=True)
+        Rotation.from_euler(axis, angle).as_matrix()
+        for axis, angle in zip("xyz", (beta, alpha, theta), strict=True)
     )
     turned = RigidTransform.from_components(places[1], Rotation.from_matrix(ry @ rz @ rx))
-    ca, sa, ct, st, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta), np.cos(beta), np.sin(beta)
+    ca, sa, ct, st, cb, sb = (
+        np.cos(alpha),
+        np.sin(alpha),
+        np.cos(theta),
+        np.sin(theta),
+        np.cos(beta),
+        np.sin(beta),
+    )
     for arm in range(3):
         x, y, z = machine.platform[arm]
         joint = places[1] + [

@@ -1,4 +1,6 @@
-"""Hexapods as a table of joint coordinates states them: plain numbers, and legs by their lengths."""
+"""Hexapods as a table of joint coordinates states them: plain numbers, and legs by their
+lengths.
+"""
 
 import re
 
@@ -49,7 +51,9 @@ def test_plain_numbers_have_the_unit_of_the_file(write):
     np.testing.assert_allclose(machine.base, other.base, rtol=1e-15)  # rounding of the unit
     np.testing.assert_allclose(machine.platform, other.platform, rtol=1e-15)
     np.testing.assert_allclose(machine.base[0], [0.29864, 0.06303, 0.02856], rtol=1e-15)
-    inches = load_machine(write(head='length = "in"', home="[0, 0, 625]", axes='travel = ["-1 mm", "1 mm"]'))
+    inches = load_machine(
+        write(head='length = "in"', home="[0, 0, 625]", axes='travel = ["-1 mm", "1 mm"]')
+    )
     np.testing.assert_allclose(inches.base, 25.4 * machine.base, rtol=1e-14)
 
 
@@ -95,7 +99,9 @@ def test_an_unreachable_home_names_heights_that_fit(write, home):
     assert "leg_length is 498 mm to 698 mm" in text
     low, high, middle = (
         float(number)
-        for number in re.search(r"between ([\d.]+) mm and ([\d.]+) mm, such as ([\d.]+) mm", text).groups()
+        for number in re.search(
+            r"between ([\d.]+) mm and ([\d.]+) mm, such as ([\d.]+) mm", text
+        ).groups()
     )
     for height in (low + 1e-3, high - 1e-3, middle):
         load_machine(write(home=f"[0, 0, {height}]"))
@@ -122,23 +128,54 @@ def test_swapped_rows_are_suspected_where_some_legs_reach_home(write):
 def test_a_hanging_platform_is_told_heights_below(write):
     text = refused(write(home="[0, 0, -100]"))
     height = float(re.search(r"such as (-[\d.]+) mm", text)[1])
-    assert load_machine(write(home=f"[0, 0, {height}]")).check(np.array([[0, 0, height / 1e3]])).ok.all()
+    assert (
+        load_machine(write(home=f"[0, 0, {height}]"))
+        .check(np.array([[0, 0, height / 1e3]]))
+        .ok.all()
+    )
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"head": ""}, r'298.64: a number without a unit: add the line length = "mm" at the top'),
-        ({"head": 'length = "m"'}, r"no z of home.to changes that: check the units, and the order of the legs"),
-        ({"axes": "leg_length = [698, 498]"}, r"\[698, 498\]: empty range: the first value must be the smaller: swap"),
-        ({"axes": f'travel = ["0 mm", "9 mm"]\n{LENGTHS}'}, r"travel and leg_length exclude each other: give one"),
-        ({"axes": ""}, r'axes.travel: missing: write e.g. \["0 mm", "50 mm"\], counted from home, or leg_length = '),
-        ({"joints": JOINTS.replace("[298.64, 63.03, 28.56], ", "")}, r"has 5 entries instead of 6: give six rows"),
-        ({"joints": JOINTS.replace(" -22]", "]")}, r"platform_joints\[1\]: \[156.16, 140.5\] has 2 entries instead"),
-        ({"joints": JOINTS.replace("298.64", "298,64")}, r"has 4 entries instead of 3: .* with decimal points"),
+        (
+            {"head": 'length = "m"'},
+            r"no z of home.to changes that: check the units, and the order of the legs",
+        ),
+        (
+            {"axes": "leg_length = [698, 498]"},
+            r"\[698, 498\]: empty range: the first value must be the smaller: swap",
+        ),
+        (
+            {"axes": f'travel = ["0 mm", "9 mm"]\n{LENGTHS}'},
+            r"travel and leg_length exclude each other: give one",
+        ),
+        (
+            {"axes": ""},
+            r'axes.travel: missing: write e.g. \["0 mm", "50 mm"\], counted from home, or leg_length = ',
+        ),
+        (
+            {"joints": JOINTS.replace("[298.64, 63.03, 28.56], ", "")},
+            r"has 5 entries instead of 6: give six rows",
+        ),
+        (
+            {"joints": JOINTS.replace(" -22]", "]")},
+            r"platform_joints\[1\]: \[156.16, 140.5\] has 2 entries instead",
+        ),
+        (
+            {"joints": JOINTS.replace("298.64", "298,64")},
+            r"has 4 entries instead of 3: .* with decimal points",
+        ),
         ({"joints": JOINTS.replace("63.03", "63,03")}, r"a decimal comma is written as a point: "),
-        ({"joints": re.sub(r"-2[12](?:\.\d+)?\]", "603]", JOINTS)}, r"if they are in the base frame, state them in"),
-        ({"home": "[0, 0]"}, r"geometry.home.to: \[0, 0\] has 2 entries instead of 3: give x, y, z"),
+        (
+            {"joints": re.sub(r"-2[12](?:\.\d+)?\]", "603]", JOINTS)},
+            r"if they are in the base frame, state them in",
+        ),
+        (
+            {"home": "[0, 0]"},
+            r"geometry.home.to: \[0, 0\] has 2 entries instead of 3: give x, y, z",
+        ),
     ],
 )
 def test_mistakes_of_the_first_hour_have_a_remedy(write, change, message):

@@ -1,4 +1,6 @@
-"""The linkage against its source's own formulas, its closed-form realised position, and plane geometry."""
+"""The linkage against its source's own formulas, its closed-form realised position, and plane
+geometry.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,9 @@ def preset():
 def poses(count=500, seed=0):
     rng = np.random.default_rng(seed)
     return RigidTransform.from_translation(
-        np.column_stack([rng.uniform(0.05, 0.35, count), rng.uniform(0.35, 0.55, count), np.zeros(count)])
+        np.column_stack(
+            [rng.uniform(0.05, 0.35, count), rng.uniform(0.35, 0.55, count), np.zeros(count)]
+        )
     )
 
 
@@ -55,10 +59,21 @@ def test_the_frame_turns_with_actuator_a(preset):
 
 
 @settings(max_examples=100 if LONG else 25)
-@given(st.floats(0, 0.3), st.floats(-np.pi, np.pi), st.floats(0.2, 0.6), st.floats(0, 2 * np.pi), st.floats(-3, 3))
+@given(
+    st.floats(0, 0.3),
+    st.floats(-np.pi, np.pi),
+    st.floats(0.2, 0.6),
+    st.floats(0, 2 * np.pi),
+    st.floats(-3, 3),
+)
 def test_distances_are_those_of_the_drawn_joint(offset, angle, length, theta, turn):
-    """Draw the joint and the point from (q_a, θ); the inverse gives the distances back, wherever the base lies."""
-    base_a, base_b = np.array([0.1, -0.2]), np.array([0.1, -0.2]) + 0.4 * np.array([np.cos(turn), np.sin(turn)])
+    """Draw the joint and the point from (q_a, θ); the inverse gives the distances back, wherever
+    the base lies.
+    """
+    base_a, base_b = (
+        np.array([0.1, -0.2]),
+        np.array([0.1, -0.2]) + 0.4 * np.array([np.cos(turn), np.sin(turn)]),
+    )
     if abs(length - offset * np.cos(angle)) < 0.01:  # between the branches
         return
     joint = base_a + length * np.array([np.cos(theta), np.sin(theta)])
@@ -70,14 +85,17 @@ def test_distances_are_those_of_the_drawn_joint(offset, angle, length, theta, tu
     across = (base_b - base_a)[0] * (joint - base_a)[1] - (base_b - base_a)[1] * (joint - base_a)[0]
     if abs(across) > 1e-3:
         assert machine.realised(machine.home_q) == pytest.approx(point, abs=1e-9)
-        assert machine.realised(machine.home_q[None], int(np.sign(across)))[0] == pytest.approx(point, abs=1e-9)
+        assert machine.realised(machine.home_q[None], int(np.sign(across)))[0] == pytest.approx(
+            point, abs=1e-9
+        )
         found = machine.forward(machine.home_q)
         assert found.certified
         assert found.pose.translation[:2] == pytest.approx(point, abs=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("to", "turn", "name"), [([0.2, 0.45, 1e-3], [0, 0, 0], "z"), ([0.2, 0.45, 0], [0.01, 0, 0], "rx")]
+    ("to", "turn", "name"),
+    [([0.2, 0.45, 1e-3], [0, 0, 0], "z"), ([0.2, 0.45, 0], [0.01, 0, 0], "rx")],
 )
 def test_a_pose_off_its_plane_is_refused_by_component(preset, to, turn, name):
     pose = RigidTransform.from_components(to, Rotation.from_rotvec(turn))
@@ -87,7 +105,8 @@ def test_a_pose_off_its_plane_is_refused_by_component(preset, to, turn, name):
 
 def test_the_orientation_that_follows_is_ignored(preset):
     plain, turned = (
-        RigidTransform.from_components([0.2, 0.45, 0], Rotation.from_euler("Z", angle)) for angle in (0, 1)
+        RigidTransform.from_components([0.2, 0.45, 0], Rotation.from_euler("Z", angle))
+        for angle in (0, 1)
     )
     assert (preset.inverse(plain) == preset.inverse(turned)).all()
 
@@ -109,33 +128,51 @@ def test_lengths_that_close_no_triangle_are_refused(preset):
     ],
 )
 def test_what_is_no_linkage_is_refused(values, phrase):
-    given = {"base_a": [0, 0], "base_b": [0.4, 0], "offset": 0.12, "angle": 2.6, "axes": AXES} | values
+    given = {
+        "base_a": [0, 0],
+        "base_b": [0.4, 0],
+        "offset": 0.12,
+        "angle": 2.6,
+        "axes": AXES,
+    } | values
     with pytest.raises(MotionError, match=phrase):
         Linkage(**given, home=RigidTransform.from_translation([0.15, 0.45, 0]))
 
 
 def test_both_branches_of_an_acute_offset(tmp_path):
-    """P is 0.14 m from a, h = 0.3 m at 20 deg: q_a = h cos ± √(|P|² − h² sin²), both lengths real."""
+    """P is 0.14 m from a, h = 0.3 m at 20 deg: q_a = h cos ± √(|P|² − h² sin²), both lengths
+    real.
+    """
     across, along = 0.3 * np.sin(np.deg2rad(20)), 0.3 * np.cos(np.deg2rad(20))
     home = RigidTransform.from_translation([0.0, 0.14, 0.0])
     both = along + np.array([1, -1]) * np.sqrt(0.14**2 - across**2)
     for length in both:
-        machine = Linkage([0, 0], [0.4, 0], 0.3, np.deg2rad(20), axes=AXES, home=home, near=[length, 0.3])
+        machine = Linkage(
+            [0, 0], [0.4, 0], 0.3, np.deg2rad(20), axes=AXES, home=home, near=[length, 0.3]
+        )
         assert machine.home_q[0] == pytest.approx(length, abs=1e-15)
         path = tmp_path / "linkage.toml"
         bounded = [Axis(axis.name, travel=(-0.01, 0.01), pulse=1e-5) for axis in AXES]
-        machine = Linkage([0, 0], [0.4, 0], 0.3, np.deg2rad(20), axes=bounded, home=home, near=[length, 0.3])
+        machine = Linkage(
+            [0, 0], [0.4, 0], 0.3, np.deg2rad(20), axes=bounded, home=home, near=[length, 0.3]
+        )
         path.write_text(machine_toml(machine))
         assert load_machine(path).home_q == pytest.approx(machine.home_q, abs=1e-15)
         assert machine.inverse(home, near=both[[0, 0]])[0] == pytest.approx(both[0], abs=1e-15)
 
 
 def test_no_length_is_below_zero():
-    """θ_h = 180 deg: P lies on the actuator, h beyond J as seen from a; nearer to a than h, no J is left."""
-    machine = Linkage([0, 0], [0.4, 0], 0.1, np.pi, axes=AXES, home=RigidTransform.from_translation([0.2, 0.4, 0]))
+    """θ_h = 180 deg: P lies on the actuator, h beyond J as seen from a; nearer to a than h, no J is
+    left.
+    """
+    machine = Linkage(
+        [0, 0], [0.4, 0], 0.1, np.pi, axes=AXES, home=RigidTransform.from_translation([0.2, 0.4, 0])
+    )
     with pytest.raises(OutOfReach):
         machine.inverse(RigidTransform.from_translation([0.03, 0.0, 0.0]))
-    with pytest.raises(MotionError, match=r"axis a measures .* no actuator is shorter than nothing"):
+    with pytest.raises(
+        MotionError, match=r"axis a measures .* no actuator is shorter than nothing"
+    ):
         Linkage(
             [0, 0],
             [0.4, 0],

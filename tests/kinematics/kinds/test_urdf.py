@@ -1,4 +1,6 @@
-"""Joints of a URDF by our own reader: pinocchio's to rounding, and machines that load without it."""
+"""Joints of a URDF by our own reader: pinocchio's to rounding, and machines that load without
+it.
+"""
 
 import sys
 from pathlib import Path
@@ -51,22 +53,43 @@ def test_the_bundled_arm_loads_without_pinocchio(monkeypatch):
     arm = load_machine("arm")
     q = arm.home_q + np.array([0.2, -0.1, 0.15])
     np.testing.assert_allclose(arm.inverse(arm.pose_of(q)), q, atol=1e-12)
-    # [the preset's own dimensions] stretched out along x at q = 0: 0.4 m and 0.35 m, 0.2 m above the base
+    # [the preset's own dimensions] stretched out along x at q = 0: 0.4 m and 0.35 m, 0.2 m above
+    # the base
     np.testing.assert_allclose(arm.pose_of(np.zeros(3)).translation, [0.75, 0.0, 0.2], atol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("change", "names", "tool", "told"),
     [
-        (("", ""), ["yaw", "sholder", "elbow"], "tool", 'no joint "sholder", nearest is "shoulder"; there are yaw'),
+        (
+            ("", ""),
+            ["yaw", "sholder", "elbow"],
+            "tool",
+            'no joint "sholder", nearest is "shoulder"; there are yaw',
+        ),
         (("", ""), ["yaw", "elbow", "shoulder"], "tool", "do not follow each other"),
         (("", ""), ["yaw", "shoulder"], "tool", "wanted are three joints"),
         (("", ""), NAMES, "tol", 'no frame "tol", nearest is "tool"'),
-        (("", ""), NAMES, "upper", "frame 'upper' is carried by 'shoulder', not by the last joint 'elbow'"),
+        (
+            ("", ""),
+            NAMES,
+            "upper",
+            "frame 'upper' is carried by 'shoulder', not by the last joint 'elbow'",
+        ),
         (("", ""), NAMES, "base", "is carried by nothing that moves"),
-        (('name="elbow" type="revolute"', 'name="elbow" type="prismatic"'), NAMES, "tool", "'elbow' does not turn"),
+        (
+            ('name="elbow" type="revolute"', 'name="elbow" type="prismatic"'),
+            NAMES,
+            "tool",
+            "'elbow' does not turn",
+        ),
         (('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'), NAMES, "tool", "'yaw' has no axis"),
-        (('xyz="0.4 0 0"', 'xyz="0.4 0"'), NAMES, "tool", "joint elbow: xyz must be 3 finite numbers"),
+        (
+            ('xyz="0.4 0 0"', 'xyz="0.4 0"'),
+            NAMES,
+            "tool",
+            "joint elbow: xyz must be 3 finite numbers",
+        ),
         (('xyz="0.4 0 0"', 'xyz="0.4 0 nan"'), NAMES, "tool", "xyz must be 3 finite numbers"),
         (('xyz="0.4 0 0"', 'xyz="4e9 0 0"'), NAMES, "tool", "within 1e"),
         ((' ixy="0"', ""), NAMES, "tool", "inertia ixy must be 1 finite number"),
@@ -74,7 +97,12 @@ def test_the_bundled_arm_loads_without_pinocchio(monkeypatch):
         (('<parent link="upper"/>', ""), NAMES, "tool", "joint 'elbow' states no <parent"),
         (('<child link="fore"/>', '<child link="upper"/>'), NAMES, "tool", "no tree with one base"),
         (('<child link="fore"/>', '<child link="far"/>'), NAMES, "tool", "no tree with one base"),
-        (('<?xml version="1.0"?>', "<!DOCTYPE robot [<!ENTITY a 'b'>]>"), NAMES, "tool", "no document type"),
+        (
+            ('<?xml version="1.0"?>', "<!DOCTYPE robot [<!ENTITY a 'b'>]>"),
+            NAMES,
+            "tool",
+            "no document type",
+        ),
         (("<robot", "<machine"), NAMES, "tool", "not XML"),
     ],
 )
@@ -110,9 +138,13 @@ def test_joints_that_move_besides_the_arms_are_named_with_the_remedy(reader, tmp
     text = str(refused.value)
     assert "besides yaw, shoulder, elbow the file has 2 joints that move" in text
     assert '"grip" (prismatic), "follower" (revolute); give them type="fixed"' in text
-    fixed = GRIPPER.replace('type="prismatic"', 'type="fixed"').replace('type="revolute"', 'type="fixed"')
+    fixed = GRIPPER.replace('type="prismatic"', 'type="fixed"').replace(
+        'type="revolute"', 'type="fixed"'
+    )
     path.write_text(ARM.read_text().replace("</robot>", fixed))
-    np.testing.assert_allclose(reader(path, NAMES, "tool").tool, reader(ARM, NAMES, "tool").tool, atol=1e-15)
+    np.testing.assert_allclose(
+        reader(path, NAMES, "tool").tool, reader(ARM, NAMES, "tool").tool, atol=1e-15
+    )
 
 
 @pytest.mark.parametrize("reader", _readers())
@@ -136,7 +168,9 @@ def test_joints_that_follow_others_are_refused(reader, tmp_path):
     ],
 )  # fmt: skip
 def test_names_that_cannot_be_shown_are_refused(reader, place, name, line, tmp_path):
-    """XML turns a line end in a name into a blank, and pinocchio does not: the names would not be found."""
+    """XML turns a line end in a name into a blank, and pinocchio does not: the names would not be
+    found.
+    """
     raw = ARM.read_bytes()
     first = 1 + raw[: raw.index(place.encode())].count(b"\n")
     path = tmp_path / "odd.urdf"

@@ -33,13 +33,22 @@ CURVE = "two or more points"
         ({"backlash": -1.0}, "a: backlash .*not below 0, not -1"),
         ({"backlash": np.nan}, "a: backlash .*not nan"),
         ({"backlash": None}, "a: backlash .*not None"),
-        ({"take_up_acceleration": 0.0}, r"a: take_up_acceleration \(None: max_acceleration\) .* above 0, not 0"),
+        (
+            {"take_up_acceleration": 0.0},
+            r"a: take_up_acceleration \(None: max_acceleration\) .* above 0, not 0",
+        ),
         ({"lead_error": 5}, r"a: lead_error .* must be finite numbers \(N, 2\), not .*5"),
         ({"lead_error": ((0, 0),)}, f"a: lead_error .* must be {CURVE}"),
-        ({"lead_error": ((1, 0), (0, 0))}, f"a: lead_error .* must be {CURVE}, first values rising"),
+        (
+            {"lead_error": ((1, 0), (0, 0))},
+            f"a: lead_error .* must be {CURVE}, first values rising",
+        ),
         ({"lead_error": ((0, np.nan), (1, 0))}, "a: lead_error .* must be finite numbers .*nan"),
         ({"torque_speed": ()}, "a: torque_speed .* must be finite numbers"),
-        ({"torque_speed": ((1, 2), (0, 1))}, f"a: torque_speed .* must be {CURVE}, first values rising"),
+        (
+            {"torque_speed": ((1, 2), (0, 1))},
+            f"a: torque_speed .* must be {CURVE}, first values rising",
+        ),
         ({"torque_speed": ((0, -1), (1, 1))}, "a: torque_speed .*not below 0"),
         ({"card": "one"}, "a: card 'one' and channel None: give both"),
         ({"channel": 0}, "a: card None and channel 0: give both"),
@@ -57,12 +66,24 @@ def test_what_is_no_axis_is_refused(values, told):
 
 def test_what_was_given_as_arrays_cannot_be_changed_from_outside():
     travel, table = np.array([0.0, 1.0]), [[0.0, 0.0], [1.0, 1e-5]]
-    axis = Axis("a", travel=travel, lead_error=table, torque_speed=np.array([[0, 2], [1, 1]]), direction=-1.0)
+    axis = Axis(
+        "a",
+        travel=travel,
+        lead_error=table,
+        torque_speed=np.array([[0, 2], [1, 1]]),
+        direction=-1.0,
+    )
     travel[0] = table[0][0] = -5.0
     assert axis.travel == (0.0, 1.0)
     assert axis.lead_error == ((0.0, 0.0), (1.0, 1e-5))
     assert axis.torque_speed == ((0.0, 2.0), (1.0, 1.0))
     assert (axis.direction, type(axis.direction)) == (-1, int)
     assert {axis} == {
-        Axis("a", travel=(0, 1), lead_error=((0, 0), (1, 1e-5)), torque_speed=((0, 2), (1, 1)), direction=-1)
+        Axis(
+            "a",
+            travel=(0, 1),
+            lead_error=((0, 0), (1, 1e-5)),
+            torque_speed=((0, 2), (1, 1)),
+            direction=-1,
+        )
     }

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Load, MotionError, OutOfReach, forces, load_machine, machine_names, motion_of_poses
+from kinematics import (
+    Load,
+    MotionError,
+    OutOfReach,
+    forces,
+    load_machine,
+    machine_names,
+    motion_of_poses,
+)
 from kinematics.machine.kind import columns
 from kinematics.machine.pose import COMPONENTS
 from tests.kinematics.kinds.test_equations import OF_FORMULAS
@@ -19,12 +27,16 @@ def test_every_preset_is_in_the_zoo(name, zoo_names):
 
 def test_home_is_where_it_says(machine):
     assert machine.inverse(machine.home) == pytest.approx(machine.home_q, abs=1e-12)
-    assert machine.forward(machine.home_q).pose.as_matrix() == pytest.approx(machine.home.as_matrix(), abs=1e-12)
+    assert machine.forward(machine.home_q).pose.as_matrix() == pytest.approx(
+        machine.home.as_matrix(), abs=1e-12
+    )
     assert machine.check(machine.home).ok.all()
 
 
 def test_jacobian_is_the_derivative_of_the_inverse(machine, poses_about, room):
-    """Central differences for a twist about the platform's origin, in the base frame, of what the machine controls."""
+    """Central differences for a twist about the platform's origin, in the base frame, of what the
+    machine controls.
+    """
     poses = poses_about(machine.home, machine, 20, 0.4)
     step = 1e-5
     size = room(machine)
@@ -36,13 +48,15 @@ def test_jacobian_is_the_derivative_of_the_inverse(machine, poses_about, room):
         ahead, behind = (
             machine.inverse(
                 RigidTransform.from_components(
-                    poses.translation + sign * size * shift, Rotation.from_rotvec(sign * turn) * poses.rotation
+                    poses.translation + sign * size * shift,
+                    Rotation.from_rotvec(sign * turn) * poses.rotation,
                 )
             )
             for sign in (1, -1)
         )
         difference = (ahead - behind) / (2 * step) / (size if k < 3 else 1)
-        # step² of the third derivative and 1e-16/step of rounding: some 1e-10 of the machine's size each
+        # step² of the third derivative and 1e-16/step of rounding: some 1e-10 of the machine's size
+        # each
         scale = max(1.0, np.abs(machine.home_q).max() / size) * (1 if k < 3 else size)
         assert jacobian[:, :, k] == pytest.approx(difference, rel=0, abs=2e-9 * scale)
 
@@ -78,11 +92,15 @@ def test_what_is_held_is_refused_and_what_follows_is_ignored(machine):
 
 
 def test_other_actuators_on_the_same_machine():
-    """Home, tilts and room stay, so every pose has the same coordinates; a rotor is felt by the new machine alone."""
+    """Home, tilts and room stay, so every pose has the same coordinates; a rotor is felt by the new
+    machine alone.
+    """
     machine = load_machine("hexapod").carrying(Load())
     pose = machine.home * RigidTransform.from_translation([0.005, 0.0, 0.02])
     before = machine.loaded
-    axes = [replace(axis, max_speed=0.04, reflected=0.2, travel=(0.0, 0.06)) for axis in machine.axes]
+    axes = [
+        replace(axis, max_speed=0.04, reflected=0.2, travel=(0.0, 0.06)) for axis in machine.axes
+    ]
     other = machine.driven_by(axes)
     assert other.axes == tuple(axes)
     assert machine.axes[0].max_speed == 0.02
@@ -101,7 +119,10 @@ def test_other_actuators_on_the_same_machine():
     [
         (lambda axes: axes[:5], "5 axes; a hexapod has 6"),
         (lambda axes: axes[::-1], "its axes are called leg1, .*, not leg6, .*; keep their names"),
-        (lambda axes: [replace(axis, kind="rotary") for axis in axes], "leg1 is rotary; a hexapod has a linear one"),
+        (
+            lambda axes: [replace(axis, kind="rotary") for axis in axes],
+            "leg1 is rotary; a hexapod has a linear one",
+        ),
     ],
 )
 def test_actuators_that_are_not_the_machines(change, told):

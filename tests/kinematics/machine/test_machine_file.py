@@ -1,4 +1,6 @@
-"""Machine files: the preset's figures, the two ways to give a geometry, overrides per axis, and faults."""
+"""Machine files: the preset's figures, the two ways to give a geometry, overrides per axis, and
+faults.
+"""
 
 from dataclasses import replace
 from importlib.resources import files
@@ -27,7 +29,9 @@ def load(tmp_path):
 
 
 def joint(radius, azimuth, height):
-    """A point on a circle, in degrees: the few lines of [Sahbaz 2007] again, independent of the package."""
+    """A point on a circle, in degrees: the few lines of [Sahbaz 2007] again, independent of the
+    package.
+    """
     return [radius * np.cos(np.deg2rad(azimuth)), radius * np.sin(np.deg2rad(azimuth)), height]
 
 
@@ -40,8 +44,18 @@ def test_the_preset_has_the_figures_of_the_thesis():
     assert machine.name == "hexapod"
     assert [axis.name for axis in machine.axes] == [f"leg{n}" for n in range(1, 7)]
     for axis in machine.axes:
-        assert (axis.kind, axis.travel, axis.pulse, axis.direction) == ("linear", (0.0, 0.0508), 0.75e-6, -1)
-        assert (axis.max_speed, axis.max_acceleration, axis.max_jerk, axis.max_force) == (0.02, 0.225, 4.0, 220.0)
+        assert (axis.kind, axis.travel, axis.pulse, axis.direction) == (
+            "linear",
+            (0.0, 0.0508),
+            0.75e-6,
+            -1,
+        )
+        assert (axis.max_speed, axis.max_acceleration, axis.max_jerk, axis.max_force) == (
+            0.02,
+            0.225,
+            4.0,
+            220.0,
+        )
         assert axis.torque_speed is None
         assert axis.max_pulse_rate is None
     np.testing.assert_allclose(machine.max_tilt, np.deg2rad(35), rtol=1e-15)
@@ -58,7 +72,11 @@ def test_the_preset_s_legs_are_the_distances_between_its_joints():
 
 
 def points(rows):
-    return "[" + ", ".join("[" + ", ".join(f'"{x!r} m"' for x in map(float, row)) + "]" for row in rows) + "]"
+    return (
+        "["
+        + ", ".join("[" + ", ".join(f'"{x!r} m"' for x in map(float, row)) + "]" for row in rows)
+        + "]"
+    )
 
 
 def with_geometry(geometry):
@@ -87,34 +105,48 @@ max_tilt = ["35 deg", "20 deg"]
 
 
 def test_home_turns_about_the_moving_axes(load):
-    rotated = PRESET.replace('rotate = ["0 deg", "0 deg", "0 deg"]', 'rotate = ["90 deg", "0 deg", "90 deg"]')
+    rotated = PRESET.replace(
+        'rotate = ["0 deg", "0 deg", "0 deg"]', 'rotate = ["90 deg", "0 deg", "90 deg"]'
+    )
     # Rx(90°) takes y to z, z to -y; Rz(90°) before it takes x to y: x -> y -> z
     np.testing.assert_allclose(load(rotated).home.rotation.apply([1, 0, 0]), [0, 0, 1], atol=1e-15)
 
 
 def test_an_axis_table_overrides_what_it_states(load):
     machine = load(
-        PRESET + '[[axis]]\nname = "leg3"\nmax_speed = "18 mm/s"\ndirection = 1\nmax_pulse_rate = "3000 1/s"\n'
+        PRESET
+        + '[[axis]]\nname = "leg3"\nmax_speed = "18 mm/s"\ndirection = 1\nmax_pulse_rate = "3000 1/s"\n'
     )
-    changed = {axis.name: (axis.max_speed, axis.direction, axis.max_pulse_rate, axis.max_jerk) for axis in machine.axes}
+    changed = {
+        axis.name: (axis.max_speed, axis.direction, axis.max_pulse_rate, axis.max_jerk)
+        for axis in machine.axes
+    }
     assert changed.pop("leg3") == (0.018, 1, 3000.0, 4.0)
     assert set(changed.values()) == {(0.02, -1, None, 4.0)}
 
 
 def own_pulses(names):
-    return "".join(f'\n[[axis]]\nname = "{name}"\npulse = "{n} um"\n' for n, name in enumerate(names, 1))
+    return "".join(
+        f'\n[[axis]]\nname = "{name}"\npulse = "{n} um"\n' for n, name in enumerate(names, 1)
+    )
 
 
 def test_a_pulse_of_all_axes_is_needed_only_where_an_axis_has_none_of_its_own(load):
     """Of a kind whose axes are all alike, and of one whose turning axis has a table of its own."""
-    bare = "\n".join(line for line in PRESET.splitlines() if not line.startswith(("pulse =", "drive =")))
+    bare = "\n".join(
+        line for line in PRESET.splitlines() if not line.startswith(("pulse =", "drive ="))
+    )
     legs = [f"leg{n}" for n in range(1, 7)]
-    assert [axis.pulse for axis in load(bare + own_pulses(legs)).axes] == pytest.approx(np.arange(1, 7) * 1e-6)
+    assert [axis.pulse for axis in load(bare + own_pulses(legs)).axes] == pytest.approx(
+        np.arange(1, 7) * 1e-6
+    )
     with pytest.raises(FileError, match=r"axes\.pulse: missing"):
         load(bare + own_pulses(legs[:-1]))
     whole = (files("kinematics") / "presets" / "traverser.toml").read_text(encoding="utf-8")
     common, rest = whole.partition("[[axis]]")[0].split("[rotary]")
-    slides = "\n".join(line for line in common.splitlines() if not line.startswith(("pulse =", "drive =")))
+    slides = "\n".join(
+        line for line in common.splitlines() if not line.startswith(("pulse =", "drive ="))
+    )
     made = load(f"{slides}\n[rotary]{rest}" + own_pulses("XYZ"))
     assert [axis.pulse for axis in made.axes][:3] == pytest.approx([1e-6, 2e-6, 3e-6])
     assert made.axes[3].pulse == load(whole).axes[3].pulse
@@ -124,7 +156,9 @@ def test_a_pulse_of_all_axes_is_needed_only_where_an_axis_has_none_of_its_own(lo
 
 @pytest.mark.parametrize("steps", [24, 48, 93, 100, 200, 400, 96, 768, 4800, 51_200])
 def test_drives_have_the_steps_of_the_motors_in_the_source(load, steps):
-    """[KMITL 2005, table 2.1]: 400, 200, 100, 93, 48 and 24 steps per revolution, here also divided by a drive."""
+    """[KMITL 2005, table 2.1]: 400, 200, 100, 93, 48 and 24 steps per revolution, here also divided
+    by a drive.
+    """
     (pulse,) = [line for line in PRESET.splitlines() if line.startswith(("pulse =", "drive ="))]
     machine = load(PRESET.replace(pulse, f'drive = {{ steps = {steps}, lead = "6 mm" }}'))
     assert machine.axes[0].pulse == pytest.approx(6e-3 / steps, rel=1e-15)
@@ -135,10 +169,14 @@ def test_drives_have_the_steps_of_the_motors_in_the_source(load, steps):
 
 
 def test_a_gear_of_a_screw_divides_its_pulse(load):
-    """[Motion 2-D]: N = 200 R n (l - l0), with the gear ratio R and n threads per unit of length."""
+    """[Motion 2-D]: N = 200 R n (l - l0), with the gear ratio R and n threads per unit of
+    length.
+    """
     (pulse,) = [line for line in PRESET.splitlines() if line.startswith(("pulse =", "drive ="))]
     ratio, threads = 3.5, 500.0  # per m
-    machine = load(PRESET.replace(pulse, f'drive = {{ steps = 200, lead = "2 mm", gear = {ratio} }}'))
+    machine = load(
+        PRESET.replace(pulse, f'drive = {{ steps = 200, lead = "2 mm", gear = {ratio} }}')
+    )
     assert 1e-3 / machine.axes[0].pulse == pytest.approx(200 * ratio * threads * 1e-3, rel=1e-14)
     for wrong in ("0.0", "-2.0", "inf", '"two"', "1e7"):
         with pytest.raises(FileError, match=r"axes\.drive\.gear"):
@@ -151,7 +189,12 @@ def test_a_bound_may_differ_towards_smaller_and_greater_positions(load):
     axes = load(sided + own).axes
     assert {axis.max_speed for axis in axes} == {(0.018, 0.02)}
     assert [axis.max_jerk for axis in axes[:3]] == [4.0, (2.0, 3.0), 4.0]
-    for wrong in ('["18 mm/s"]', '["18 mm/s", "0 mm/s"]', '["1 mm/s", "1 mm/s", "1 mm/s"]', '["18 mm", "20 mm/s"]'):
+    for wrong in (
+        '["18 mm/s"]',
+        '["18 mm/s", "0 mm/s"]',
+        '["1 mm/s", "1 mm/s", "1 mm/s"]',
+        '["18 mm", "20 mm/s"]',
+    ):
         with pytest.raises(FileError, match="max_speed"):
             load(PRESET.replace('max_speed = "20 mm/s"', f"max_speed = {wrong}"))
 
@@ -173,11 +216,15 @@ def test_bands_of_resonance_rise(load):
 
 
 def test_bands_of_resonance_in_pulse_rate_are_speeds_of_each_axis(load):
-    """180 pulses/s of 0.75 µm are 0.135 mm/s; an axis of another pulse, or behind a gear, has other speeds there."""
+    """180 pulses/s of 0.75 µm are 0.135 mm/s; an axis of another pulse, or behind a gear, has other
+    speeds there.
+    """
     stated = 'resonance = [["180 1/s", "0.22 kHz"]]\nresonance_time = "50 ms"\n'
     own = '[[axis]]\nname = "leg3"\npulse = "1.5 um"\n[[axis]]\nname = "leg4"\nelectronic_gear = [3, 2]\n'
     axes = load(PRESET + stated + own).axes
-    for axis, pulse in zip(axes, (0.75e-6, 0.75e-6, 1.5e-6, 0.5e-6 * 9 / 4, 0.75e-6, 0.75e-6), strict=True):
+    for axis, pulse in zip(
+        axes, (0.75e-6, 0.75e-6, 1.5e-6, 0.5e-6 * 9 / 4, 0.75e-6, 0.75e-6), strict=True
+    ):
         assert axis.pulse == pytest.approx(pulse)
         assert axis.resonance == (pytest.approx((180 * pulse, 220 * pulse)),)
     for wrong, told in (
@@ -210,7 +257,10 @@ rod = { mass = "41 g" }
 
 
 def test_masses_are_stated_in_tables(load):
-    machine = load(PRESET.replace("[geometry]", 'gravity = ["0 m/s^2", "0 m/s^2", "9.8 m/s^2"]\n[geometry]') + LOADED)
+    machine = load(
+        PRESET.replace("[geometry]", 'gravity = ["0 m/s^2", "0 m/s^2", "9.8 m/s^2"]\n[geometry]')
+        + LOADED
+    )
     own = machine.load
     assert {(axis.friction, axis.reflected) for axis in machine.axes} == {(20.0, 0.3)}
     assert (own.platform.mass, own.legs[0].barrel.mass, own.legs[0].rod.mass) == (1.3, 0.2, 0.041)
@@ -232,9 +282,19 @@ def test_masses_that_no_rigid_body_has_are_a_fault(load):
     ("text", "line", "key", "phrase"),
     [
         ("schema = 1\n", 1, "kind", "missing; kinds: "),
-        ('schema = 1\nkind = "hexpod"\n', 2, "kind", '"hexpod" is not a kind of machine, nearest is "hexapod"'),
+        (
+            'schema = 1\nkind = "hexpod"\n',
+            2,
+            "kind",
+            '"hexpod" is not a kind of machine, nearest is "hexapod"',
+        ),
         ("schema = 1\nkind = [1]\n", 2, "kind", "is not a kind of machine"),
-        (with_geometry('home = { to = ["0 m", "0 m", "1 m"] }'), None, "geometry", "incomplete: give base_radius, "),
+        (
+            with_geometry('home = { to = ["0 m", "0 m", "1 m"] }'),
+            None,
+            "geometry",
+            "incomplete: give base_radius, ",
+        ),
         (
             with_geometry(f'base_gap = "1 deg"\nbase_joints = {points(BASE)}'),
             None,
@@ -242,7 +302,12 @@ def test_masses_that_no_rigid_body_has_are_a_fault(load):
             "base_gap and base_joints exclude each other",
         ),
         # its square is beyond any float
-        (PRESET.replace('"149 mm"', '"1e203 mm"'), 10, "geometry.base_radius", "too large: at most 1e+08 mm"),
+        (
+            PRESET.replace('"149 mm"', '"1e203 mm"'),
+            10,
+            "geometry.base_radius",
+            "too large: at most 1e+08 mm",
+        ),
     ],
 )
 def test_what_makes_no_machine_is_a_fault(load, text, line, key, phrase):
@@ -276,7 +341,9 @@ def test_the_summary_of_a_file_is_that_of_its_machine(name):
 def test_an_unknown_name_brings_the_nearest_and_all_others():
     with pytest.raises(MotionError) as refusal:
         load_machine("hexpod")
-    assert 'no machine is called "hexpod", nearest is "hexapod"; bundled: arm, cartesian, ' in str(refusal.value)
+    assert 'no machine is called "hexpod", nearest is "hexapod"; bundled: arm, cartesian, ' in str(
+        refusal.value
+    )
     assert not isinstance(refusal.value, FileError)
 
 
@@ -303,5 +370,8 @@ def test_wiring_is_by_axis(load):
 
 def test_a_word_that_a_bundled_machine_has_is_no_kind_but_the_way_to_its_file(tmp_path):
     (tmp_path / "mine.toml").write_text('schema = 1\nkind = "corexy"\n')
-    with pytest.raises(FileError, match=r'"corexy" is not a kind .* a machine of kind "equations": .*--machine corexy'):
+    with pytest.raises(
+        FileError,
+        match=r'"corexy" is not a kind .* a machine of kind "equations": .*--machine corexy',
+    ):
         load_machine(tmp_path / "mine.toml")

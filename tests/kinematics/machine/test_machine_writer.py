@@ -9,15 +9,35 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Body, Disc, Hexapod, Leg, Load, MotionError, Traverser, load_machine, machine_toml
+from kinematics import (
+    Axis,
+    Body,
+    Disc,
+    Hexapod,
+    Leg,
+    Load,
+    MotionError,
+    Traverser,
+    load_machine,
+    machine_toml,
+)
 
 PER_AXIS = [
     {},
     {"pulse": 0.76253e-6, "direction": -1},
     {"max_speed": 1 / 3, "torque_speed": ((0.0, 220.0), (0.07, 1 / 7))},
     {"travel": (-0.01, 1 / 30), "resonance": ((0.003, 0.004),), "resonance_time": 1 / 7},
-    {"max_pulse_rate": 3000.0, "max_force": 1e5 / 7, "resonance": ((0.003, 0.01 / 3), (0.007, 0.008))},
-    {"max_acceleration": (9.80665, 1 / 7), "max_jerk": (1e-9, 1.0), "friction": 1 / 7, "reflected": 0.3},
+    {
+        "max_pulse_rate": 3000.0,
+        "max_force": 1e5 / 7,
+        "resonance": ((0.003, 0.01 / 3), (0.007, 0.008)),
+    },
+    {
+        "max_acceleration": (9.80665, 1 / 7),
+        "max_jerk": (1e-9, 1.0),
+        "friction": 1 / 7,
+        "reflected": 0.3,
+    },
 ]
 
 
@@ -62,7 +82,10 @@ def test_the_zoo_comes_back(any_hexapod, again):
 def test_any_numbers_come_back(tmp_path_factory, seed, size):
     random = np.random.default_rng(seed)
     home = RigidTransform.from_components(size * random.normal(size=3), Rotation.random(rng=random))
-    axes = [Axis(f"leg{n}", travel=(-size, 2 * size), pulse=size * 1e-5 * random.uniform(0.1, 1)) for n in range(1, 7)]
+    axes = [
+        Axis(f"leg{n}", travel=(-size, 2 * size), pulse=size * 1e-5 * random.uniform(0.1, 1))
+        for n in range(1, 7)
+    ]
     points = size * random.normal(size=(2, 6, 3))
     machine = Hexapod(*points, axes=axes, home=home, max_tilt=random.uniform(0.1, 3))
     path = tmp_path_factory.mktemp("written") / "machine.toml"
@@ -72,7 +95,8 @@ def test_any_numbers_come_back(tmp_path_factory, seed, size):
 
 def test_every_field_of_an_axis_comes_back(preset, again):
     axes = [
-        Axis(f"leg{n}", **{"travel": (0.0, 0.0508), "pulse": 0.75e-6, **own}) for n, own in enumerate(PER_AXIS, start=1)
+        Axis(f"leg{n}", **{"travel": (0.0, 0.0508), "pulse": 0.75e-6, **own})
+        for n, own in enumerate(PER_AXIS, start=1)
     ]
     machine = Hexapod(preset.base, preset.platform, axes=axes, home=preset.home)
     same(again(machine), machine)
@@ -95,7 +119,12 @@ def test_what_takes_up_room_comes_back(preset, again):
 def test_what_it_moves_comes_back(preset, again):
     moments = [[3e-4, 1e-6, 0], [1e-6, 3e-4, -2e-6], [0, -2e-6, 1e-5]]
     leg = Leg(Body(0.2, [0, 1e-3, 0.06], moments), Body(1 / 7), [0.3, 1, 0])
-    load = Load(Body(4 / 3, [0, 0, 0.1], np.diag([0.1, 0.2, 0.15])), leg, [0.1, 0, 9.8], [0, 1, -10, 0.2, 0, 0])
+    load = Load(
+        Body(4 / 3, [0, 0, 0.1], np.diag([0.1, 0.2, 0.15])),
+        leg,
+        [0.1, 0, 9.8],
+        [0, 1, -10, 0.2, 0, 0],
+    )
     found = again(preset.carrying(load)).load
     pairs = [(found.platform, load.platform)]
     pairs += [(getattr(found.legs[0], part), getattr(leg, part)) for part in ("barrel", "rod")]
@@ -106,7 +135,9 @@ def test_what_it_moves_comes_back(preset, again):
     for name in ("gravity", "wrench"):
         np.testing.assert_array_equal(getattr(found, name), getattr(load, name))
     np.testing.assert_array_equal(found.legs[0].first_axis, leg.first_axis)
-    with pytest.raises(MotionError, match="legs of different masses have no place in a machine file"):
+    with pytest.raises(
+        MotionError, match="legs of different masses have no place in a machine file"
+    ):
         machine_toml(preset.carrying(Load(legs=[leg] * 6)))
 
 
@@ -125,7 +156,9 @@ def test_what_a_file_cannot_say(preset):
         machine_toml(Hexapod(preset.base, preset.platform, axes=endless, home=preset.home))
 
     renamed = [replace(axis, name=f"strut{n}") for n, axis in enumerate(preset.axes)]
-    with pytest.raises(MotionError, match=r"axes are called strut0, .* in a file of a hexapod they are leg1"):
+    with pytest.raises(
+        MotionError, match=r"axes are called strut0, .* in a file of a hexapod they are leg1"
+    ):
         machine_toml(Hexapod(preset.base, preset.platform, axes=renamed, home=preset.home))
     pytest.importorskip("pinocchio")
     with pytest.raises(MotionError, match="kind arm cannot be written"):
@@ -134,21 +167,30 @@ def test_what_a_file_cannot_say(preset):
 
 @pytest.mark.parametrize("name", ["tripod", "linkage", "traverser"])
 def test_other_kinds_come_back(name, again):
-    """With everything that an axis may state: drives become pulses; wiring, backlash and lead errors stay."""
+    """With everything that an axis may state: drives become pulses; wiring, backlash and lead
+    errors stay.
+    """
     machine, back = load_machine(name), again(load_machine(name))
     assert back.axes == machine.axes
     np.testing.assert_allclose(back.home.as_matrix(), machine.home.as_matrix(), atol=1e-15)
     np.testing.assert_allclose(back.home_q, machine.home_q, rtol=1e-14)
     assert back.characteristic_length == pytest.approx(machine.characteristic_length, rel=1e-14)
-    moved = machine.home * RigidTransform.from_translation([0.01, -0.005, 0.02 if name != "linkage" else 0])
+    moved = machine.home * RigidTransform.from_translation(
+        [0.01, -0.005, 0.02 if name != "linkage" else 0]
+    )
     np.testing.assert_allclose(back.inverse(moved), machine.inverse(moved), rtol=1e-13)
     np.testing.assert_allclose(back.check(moved).tilt, machine.check(moved).tilt, atol=1e-13)
 
 
 def test_odd_directions_and_wiring_come_back(again):
     machine = load_machine("traverser")
-    axes = [replace(axis, card="PCI-8164", channel=n, direction=-1) for n, axis in enumerate(machine.axes)]
-    odd = Traverser(axes=axes, home=machine.home, directions=[[1, 0, 0.1], [0, 1, 0], [0, 0, -2]], length=0.3)
+    axes = [
+        replace(axis, card="PCI-8164", channel=n, direction=-1)
+        for n, axis in enumerate(machine.axes)
+    ]
+    odd = Traverser(
+        axes=axes, home=machine.home, directions=[[1, 0, 0.1], [0, 1, 0], [0, 0, -2]], length=0.3
+    )
     back = again(odd)
     assert back.axes == odd.axes
     np.testing.assert_allclose(back.directions, odd.directions, atol=1e-15)

@@ -1,4 +1,6 @@
-"""Poses as twelve numbers, and straight motions between them: against SciPy, also next to no turn and to half a one."""
+"""Poses as twelve numbers, and straight motions between them: against SciPy, also next to no turn
+and to half a one.
+"""
 
 import casadi as ca
 import numpy as np
@@ -20,7 +22,8 @@ from kinematics.machine.pose import (
 
 directions = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1)
 angles = st.one_of(
-    st.sampled_from([0.0, 1e-300, 1e-12, 1e-6, np.pi - 1e-12, np.pi - 1e-6, np.pi]), st.floats(1e-9, np.pi)
+    st.sampled_from([0.0, 1e-300, 1e-12, 1e-6, np.pi - 1e-12, np.pi - 1e-6, np.pi]),
+    st.floats(1e-9, np.pi),
 )
 points = st.tuples(*[st.floats(-2, 2)] * 3)
 
@@ -44,7 +47,9 @@ def test_numbers_are_position_and_rows_of_the_rotation(given_pose):
     assert to_numbers(given_pose) == pytest.approx(rows(given_pose)[None], rel=0, abs=1e-15)
     assert rows(from_numbers(rows(given_pose))) == pytest.approx(rows(given_pose), rel=0, abs=1e-15)
     batch = RigidTransform.concatenate([given_pose, RigidTransform.identity()])
-    assert from_numbers(to_numbers(batch)).as_matrix() == pytest.approx(batch.as_matrix(), rel=0, abs=1e-15)
+    assert from_numbers(to_numbers(batch)).as_matrix() == pytest.approx(
+        batch.as_matrix(), rel=0, abs=1e-15
+    )
 
 
 def test_symbols_are_the_numbers():
@@ -85,6 +90,7 @@ def test_straight_motions_turn_steadily_from_start_to_end(start, end, length, sh
     assert at(length, parameters) == pytest.approx(rows(end), rel=0, abs=1e-14)
     turn = (start.rotation.inv() * end.rotation).as_rotvec()
     between = RigidTransform.from_components(
-        (1 - share) * start.translation + share * end.translation, start.rotation * Rotation.from_rotvec(share * turn)
+        (1 - share) * start.translation + share * end.translation,
+        start.rotation * Rotation.from_rotvec(share * turn),
     )
     assert at(share * length, parameters) == pytest.approx(rows(between), rel=0, abs=1e-14)

@@ -1,4 +1,6 @@
-"""Input shapers: their impulses against the literature, and what they leave of a vibration against its equation."""
+"""Input shapers: their impulses against the literature, and what they leave of a vibration against
+its equation.
+"""
 
 import re
 from dataclasses import replace
@@ -17,9 +19,11 @@ KINDS = sorted(IMPULSES)
 
 
 def oscillation(shaper, frequency, damping):
-    """Amplitude after the last impulse of ẍ + 2ζωẋ + ω²x = Σ Aᵢ δ(t − tᵢ), over that of one impulse at 0.
+    """Amplitude after the last impulse of ẍ + 2ζωẋ + ω²x = Σ Aᵢ δ(t − tᵢ), over that of one impulse
+    at 0.
 
-    By the motion's exact transition from impulse to impulse, as a matrix exponential: no formula of shapers takes part.
+    By the motion's exact transition from impulse to impulse, as a matrix exponential: no formula of
+    shapers takes part.
     """
     from scipy.linalg import expm
 
@@ -72,7 +76,9 @@ def test_the_vibration_left_is_that_of_the_equation(kind, damping):
     assert times[0] == 0
     assert all(before < after for before, after in pairwise(times))
     for frequency in (28.0, 31.5, 35.0, 38.5, 50.0):
-        assert shaper.vibration(frequency, damping) == pytest.approx(oscillation(shaper, frequency, damping), abs=1e-12)
+        assert shaper.vibration(frequency, damping) == pytest.approx(
+            oscillation(shaper, frequency, damping), abs=1e-12
+        )
     left = shaper.vibration(35.0, damping)
     assert left <= (0.05 + 1e-12 if kind == "ei" else 1e-12)
 
@@ -90,15 +96,33 @@ def test_the_longer_shapers_bear_a_wrong_frequency_better():
         ({"kind": ["zv"], "frequency": 35}, "none of zv, zvd, mzv, ei"),
         ({"kind": "zv", "frequency": 0.0}, "frequency 0 Hz must be from 0.1 to 100000 Hz"),
         ({"kind": "zv", "frequency": -35}, "frequency -35 Hz must be from 0.1"),
-        ({"kind": "zv", "frequency": float("nan")}, "frequency must be one finite number in Hz, not nan"),
-        ({"kind": "zv", "frequency": float("inf")}, "frequency must be one finite number in Hz, not inf"),
-        ({"kind": "zv", "frequency": "35 Hz"}, "frequency must be one finite number in Hz, not '35 Hz'"),
-        ({"kind": "zv", "frequency": [35]}, r"frequency must be one finite number in Hz, not of shape \(1,\)"),
+        (
+            {"kind": "zv", "frequency": float("nan")},
+            "frequency must be one finite number in Hz, not nan",
+        ),
+        (
+            {"kind": "zv", "frequency": float("inf")},
+            "frequency must be one finite number in Hz, not inf",
+        ),
+        (
+            {"kind": "zv", "frequency": "35 Hz"},
+            "frequency must be one finite number in Hz, not '35 Hz'",
+        ),
+        (
+            {"kind": "zv", "frequency": [35]},
+            r"frequency must be one finite number in Hz, not of shape \(1,\)",
+        ),
         ({"kind": "zv", "frequency": 35, "damping": 1.0}, "damping 1 must be from 0 to 0.9"),
         ({"kind": "zv", "frequency": 35, "damping": -0.1}, "damping -0.1 must be from 0 to 0.9"),
-        ({"kind": "zv", "frequency": 35, "damping": "5 %"}, "damping must be one finite number, not '5 %'"),
+        (
+            {"kind": "zv", "frequency": 35, "damping": "5 %"},
+            "damping must be one finite number, not '5 %'",
+        ),
         ({"kind": "ei", "frequency": 35, "tolerance": 0.7}, "tolerance 0.7 must be from 0 to 0.5"),
-        ({"kind": "zvd", "frequency": 35, "tolerance": 0.1}, "zvd: tolerance 0.1 is of the shaper ei alone: omit it"),
+        (
+            {"kind": "zvd", "frequency": 35, "tolerance": 0.1},
+            "zvd: tolerance 0.1 is of the shaper ei alone: omit it",
+        ),
     ],
 )
 def test_what_is_no_shaper_is_refused(given, told):
@@ -106,7 +130,9 @@ def test_what_is_no_shaper_is_refused(given, told):
         Shaper(**given)
 
 
-@pytest.mark.parametrize("given", [(), (Shaper("zv", 35.0),), ("zv", "zv"), Shaper("zv", 35.0), None])
+@pytest.mark.parametrize(
+    "given", [(), (Shaper("zv", 35.0),), ("zv", "zv"), Shaper("zv", 35.0), None]
+)
 def test_what_is_no_series_of_shapers_is_refused(given):
     with pytest.raises(MotionError, match="must be two or more of Shaper, not "):
         ShaperSeries(given)
@@ -115,7 +141,11 @@ def test_what_is_no_series_of_shapers_is_refused(given):
 @pytest.mark.parametrize(
     ("direction", "shaper", "told"),
     [
-        ([1, 0], Shaper("zv", 35.0), r"direction must be finite numbers \(3,\), not of shape \(2,\)"),
+        (
+            [1, 0],
+            Shaper("zv", 35.0),
+            r"direction must be finite numbers \(3,\), not of shape \(2,\)",
+        ),
         ([0, 0, 0], Shaper("zv", 35.0), "must be a direction, not zero"),
         ([1, 0, 0], "zv", "shaper must be a Shaper, a ShaperSeries of several, or None, not 'zv'"),
         ([1, 0, 0], None, "shaper must be a Shaper, .* not None"),
@@ -126,7 +156,9 @@ def test_what_shapes_no_machine_is_refused(direction, shaper, told):
         load_machine("hexapod").shape_along(direction, shaper)
 
 
-@pytest.mark.parametrize("shaper", [Shaper("zv", 35.5), Shaper("mzv", 12.0, 0.1), Shaper("ei", 80.0, 0.05, 0.1)])
+@pytest.mark.parametrize(
+    "shaper", [Shaper("zv", 35.5), Shaper("mzv", 12.0, 0.1), Shaper("ei", 80.0, 0.05, 0.1)]
+)
 def test_a_machine_file_keeps_it(shaper, tmp_path):
     machine = load_machine("tripod")
     axes = [replace(axis, shaper=shaper if n else None) for n, axis in enumerate(machine.axes)]
@@ -141,22 +173,52 @@ def test_a_file_with_a_wrong_shaper_is_refused_by_line(tmp_path):
     for given, told in (
         ('{ kind = "zvv", frequency = "35 Hz" }', "zvv"),
         ('{ kind = "zv" }', "frequency"),
-        ('"zv"', 'needs the frequency of the vibration: write { kind = "zv", frequency = "35 Hz" }'),
-        ('"off"', 'shaper: "off" is neither "none" nor a table: write "none", or e.g. { kind = "zv", freq'),
-        ("[]", r'shaper: \[\] names no shaper: omit the key, or write "none" where all other axes have one'),
+        (
+            '"zv"',
+            'needs the frequency of the vibration: write { kind = "zv", frequency = "35 Hz" }',
+        ),
+        (
+            '"off"',
+            'shaper: "off" is neither "none" nor a table: write "none", or e.g. { kind = "zv", freq',
+        ),
+        (
+            "[]",
+            r'shaper: \[\] names no shaper: omit the key, or write "none" where all other axes have one',
+        ),
         ("35", '35 is not a table: write e.g. { kind = "zv", frequency = "35 Hz" }'),
-        ('["zv"]', r'shaper\[1\]: "zv" is not a table: write e.g. { kind = "zv", frequency = "35 Hz" }'),
+        (
+            '["zv"]',
+            r'shaper\[1\]: "zv" is not a table: write e.g. { kind = "zv", frequency = "35 Hz" }',
+        ),
         ('[{ kind = "zv", frequency = "35 Hz" }, "none"]', r'shaper\[2\]: "none" is not a table'),
         ("[{}]", r"shaper\[1\].frequency: missing: write e.g. \"35 Hz\""),
         ('{ kind = "zv", frequency = 35 }', '35: a number without a unit: write e.g. "35 Hz"'),
-        ('{ kind = "zv", frequency = "0 Hz" }', '"0 Hz" must be at least 0.1 Hz and at most 100000 Hz'),
+        (
+            '{ kind = "zv", frequency = "0 Hz" }',
+            '"0 Hz" must be at least 0.1 Hz and at most 100000 Hz',
+        ),
         ('{ kind = "zv", frequency = "-35 Hz" }', '"-35 Hz" must be at least 0.1 Hz'),
-        ('{ kind = "zv", frequency = "nan Hz" }', '"nan Hz": not a finite number: write e.g. "35 Hz"'),
-        ('{ kind = "zv", frequency = "35 s" }', '"35 s": not convertible to Hz: write e.g. "35 Hz"'),
+        (
+            '{ kind = "zv", frequency = "nan Hz" }',
+            '"nan Hz": not a finite number: write e.g. "35 Hz"',
+        ),
+        (
+            '{ kind = "zv", frequency = "35 s" }',
+            '"35 s": not convertible to Hz: write e.g. "35 Hz"',
+        ),
         ('{ kind = "zv", frequency = "35 Hz", damping = 1 }', "damping: 1 must be at most 0.9"),
-        ('{ kind = "zv", frequency = "35 Hz", damping = -0.1 }', "damping: -0.1 must be at least 0"),
-        ('{ kind = "zv", frequency = "35 Hz", damping = nan }', "nan is not a finite number: write e.g. 0.05"),
-        ('{ kind = "zv", frequency = "35 Hz", damping = "5 %" }', '"5 %" is not a number: write e.g. 0.05'),
+        (
+            '{ kind = "zv", frequency = "35 Hz", damping = -0.1 }',
+            "damping: -0.1 must be at least 0",
+        ),
+        (
+            '{ kind = "zv", frequency = "35 Hz", damping = nan }',
+            "nan is not a finite number: write e.g. 0.05",
+        ),
+        (
+            '{ kind = "zv", frequency = "35 Hz", damping = "5 %" }',
+            '"5 %" is not a number: write e.g. 0.05',
+        ),
         (
             '{ kind = "zv", frequency = "35 Hz", tolerance = 0.1 }',
             "tolerance: 0.1: tolerance is of the shaper ei, not of zv: omit it",
@@ -171,7 +233,9 @@ def test_a_file_with_a_wrong_shaper_is_refused_by_line(tmp_path):
 
 
 def test_shapers_one_after_the_other_keep_the_zeros_of_each():
-    """Against the exact motion of each mode, and the convolution of two trains of impulses on a fine grid."""
+    """Against the exact motion of each mode, and the convolution of two trains of impulses on a
+    fine grid.
+    """
     one, other = Shaper("zv", 35.0, 0.05), Shaper("mzv", 22.0, 0.1)
     both = ShaperSeries((one, other))
     assert both == ShaperSeries((other, one))
@@ -189,7 +253,9 @@ def test_shapers_one_after_the_other_keep_the_zeros_of_each():
         ShaperSeries((Shaper("ei", 20.0),) * 4)
 
 
-COREXY = (Path(__file__).parents[3] / "kinematics" / "presets" / "corexy.toml").read_text(encoding="utf-8")
+COREXY = (Path(__file__).parents[3] / "kinematics" / "presets" / "corexy.toml").read_text(
+    encoding="utf-8"
+)
 VIBRATION = '\n[[vibration]]\ndirection = {}\nkind = "zv"\nfrequency = "{} Hz"\n'
 
 
@@ -217,7 +283,9 @@ def test_a_vibration_along_a_direction_shapes_the_axes_that_move_along_it(load):
 
 
 def test_an_arm_across_the_direction_at_home_is_shaped_where_it_moves_along_it_beside_home():
-    """The arm's yaw moves its tool across its reach: at home, where it reaches along y say, not along y at all."""
+    """The arm's yaw moves its tool across its reach: at home, where it reaches along y say, not
+    along y at all.
+    """
     arm = load_machine("arm")
     inverse = np.linalg.inv(arm.jacobian(arm.home)[:, :3])
     across = np.cross(inverse[:, 0], [0, 0, 1])
@@ -239,26 +307,46 @@ def test_one_axis_may_have_none_of_what_all_have(load):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (VIBRATION.format("[0, 0, 0]", 35), r"direction: \[0, 0, 0\]: must not be zero: write e.g. \[1, 0, 0\]"),
+        (
+            VIBRATION.format("[0, 0, 0]", 35),
+            r"direction: \[0, 0, 0\]: must not be zero: write e.g. \[1, 0, 0\]",
+        ),
         (VIBRATION.format("[1e-320, 0, 0]", 35), r"direction: \[1e-320, 0, 0\]: must not be zero"),
-        (VIBRATION.format("[1, 0]", 35), r"direction: \[1, 0\] has 2 entries instead of 3: write e.g. \[1, 0, 0\]$"),
+        (
+            VIBRATION.format("[1, 0]", 35),
+            r"direction: \[1, 0\] has 2 entries instead of 3: write e.g. \[1, 0, 0\]$",
+        ),
         (VIBRATION.format("[1, 0, 0, 0]", 35), "has 4 entries instead of 3: write e.g."),
-        (VIBRATION.format("[]", 35), r"direction: \[\] has 0 entries instead of 3: write e.g. \[1, 0, 0\]$"),
+        (
+            VIBRATION.format("[]", 35),
+            r"direction: \[\] has 0 entries instead of 3: write e.g. \[1, 0, 0\]$",
+        ),
         (
             VIBRATION.format("[nan, 0, 0]", 35),
             r"direction\[1\]: nan is not a finite number: as in direction = \[1, 0, 0\]",
         ),
         (VIBRATION.format('"x"', 35), r'direction: "x" is not an array: write e.g. \[1, 0, 0\]'),
         (VIBRATION.format("[1, 0, 0]", 35) + "damping = 1.5\n", "damping: 1.5 must be at most 0.9"),
-        ('\n[[vibration]]\nkind = "zv"\nfrequency = "35 Hz"\n', r"direction: missing: write e.g. \[1, 0, 0\]"),
+        (
+            '\n[[vibration]]\nkind = "zv"\nfrequency = "35 Hz"\n',
+            r"direction: missing: write e.g. \[1, 0, 0\]",
+        ),
         (
             VIBRATION.format("[1, 0, 0]", 35) + "tolerance = 0.1\n",
             r"vibration\[1\].tolerance: 0.1: tolerance is of the shaper ei, not of zv: omit it, or write kind = \"ei\"",
         ),
-        (VIBRATION.format("[1, 0, 0]", 35).replace("direction", "directon"), 'nearest is "direction"'),
-        (VIBRATION.format("[1, 0, 0]", 35).replace("[[vibration]]", "[vibration]"), r"write \[\[vibration\]\]"),
         (
-            "".join(VIBRATION.format("[1, 0, 0]", f).replace("zv", "zvd") for f in (20, 30, 40, 50)),
+            VIBRATION.format("[1, 0, 0]", 35).replace("direction", "directon"),
+            'nearest is "direction"',
+        ),
+        (
+            VIBRATION.format("[1, 0, 0]", 35).replace("[[vibration]]", "[vibration]"),
+            r"write \[\[vibration\]\]",
+        ),
+        (
+            "".join(
+                VIBRATION.format("[1, 0, 0]", f).replace("zv", "zvd") for f in (20, 30, 40, 50)
+            ),
             r"vibration\[4\]: .*81 impulses in all",
         ),
         ('\n[[axis]]\nname = "a"\nshaper = "non"\n', 'nearest is "none"'),
@@ -271,7 +359,9 @@ def test_a_wrong_vibration_is_refused_by_line(load, text, told):
 
 
 def test_a_direction_in_which_nothing_moves_is_refused():
-    with pytest.raises(MotionError, match=r"no axis moves the platform along \[0.0, 0.0, 1.0\] .* it moves x, y"):
+    with pytest.raises(
+        MotionError, match=r"no axis moves the platform along \[0.0, 0.0, 1.0\] .* it moves x, y"
+    ):
         load_machine("linkage").shape_along([0, 0, 1], Shaper("zv", 35.0))
 
 
@@ -292,9 +382,7 @@ def test_a_vibration_that_is_stated_twice_is_refused(load, again, same):
     if not same:
         assert load(text)
         return
-    told = (
-        rf"machine\.toml:{second}: vibration\[2\]: the same vibration as vibration\[1\] in line {first}, .*: remove one"
-    )
+    told = rf"machine\.toml:{second}: vibration\[2\]: the same vibration as vibration\[1\] in line {first}, .*: remove one"
     with pytest.raises(MotionError, match=told):
         load(text)
     assert load(text + "damping = 0.05\n")
@@ -302,7 +390,9 @@ def test_a_vibration_that_is_stated_twice_is_refused(load, again, same):
 
 
 def test_axes_that_two_vibrations_of_one_frequency_drive_are_shaped_against_it_once(load):
-    """Both belts move the platform along x and along y: shaped against 35 Hz, they leave it in neither direction."""
+    """Both belts move the platform along x and along y: shaped against 35 Hz, they leave it in
+    neither direction.
+    """
     own = COREXY.replace("[axes]", '[axes]\nshaper = { kind = "zv", frequency = "35 Hz" }')
     for text in (COREXY + VIBRATION.format("[0, 1, 0]", 35), own):
         machine = load(text + VIBRATION.format("[1, 0, 0]", 35))

@@ -25,9 +25,13 @@ def around(machine, count=20):
     """Poses near home, over the machine's freedom alone, and their coordinates."""
     random = np.random.default_rng(7)
     shift = random.uniform(-0.02, 0.02, (count, 3)) * [name in machine.freedom for name in "xyz"]
-    turn = random.uniform(-0.1, 0.1, (count, 3)) * [name in machine.freedom for name in ("rx", "ry", "rz")]
+    turn = random.uniform(-0.1, 0.1, (count, 3)) * [
+        name in machine.freedom for name in ("rx", "ry", "rz")
+    ]
     home = machine.home
-    poses = RigidTransform.from_components(home.translation + shift, Rotation.from_rotvec(turn) * home.rotation)
+    poses = RigidTransform.from_components(
+        home.translation + shift, Rotation.from_rotvec(turn) * home.rotation
+    )
     return poses, machine.inverse(poses)
 
 
@@ -41,7 +45,9 @@ def test_legs_measure_their_coordinates_between_the_joints(legged):
         np.testing.assert_allclose(legs[k, :, 1], pose.apply(legged.platform), atol=NEAR)
     np.testing.assert_array_equal(placed.pivots, np.concatenate([legs[:, :, 0], legs[:, :, 1]], 1))
     assert tuple(pivot.name for pivot in legged.parts.pivots) == legged.tilt_names
-    assert [legged.parts.bars[k].axis for k in sorts(legged, "actuator")] == [axis.name for axis in legged.axes]
+    assert [legged.parts.bars[k].axis for k in sorts(legged, "actuator")] == [
+        axis.name for axis in legged.axes
+    ]
 
 
 def test_platforms_are_rigid_and_end_in_the_origin(legged):
@@ -76,12 +82,15 @@ def test_an_arm_is_a_chain_of_its_joints_turns():
     joints = machine.joints
     for k, angles in enumerate(q):
         first, second, third = (
-            Rotation.from_rotvec(angle * axis) for angle, axis in zip(angles, joints.directions, strict=True)
+            Rotation.from_rotvec(angle * axis)
+            for angle, axis in zip(angles, joints.directions, strict=True)
         )
         shoulder = joints.points[0] + first.apply(joints.points[1] - joints.points[0])
         elbow = shoulder + (first * second).apply(joints.points[2] - joints.points[1])
         tip = elbow + (first * second * third).apply(joints.tool - joints.points[2])
-        np.testing.assert_allclose(placed.bars[k, -2:], [[shoulder, elbow], [elbow, tip]], atol=NEAR)
+        np.testing.assert_allclose(
+            placed.bars[k, -2:], [[shoulder, elbow], [elbow, tip]], atol=NEAR
+        )
         np.testing.assert_allclose(tip, poses[k].translation, atol=NEAR)
     assert [bar.axis for bar in machine.parts.bars] == [axis.name for axis in machine.axes]
 
@@ -96,12 +105,18 @@ def test_rails_lie_along_the_slides_and_the_hand_turns():
     for k, axis in enumerate(machine.axes[:3]):
         rail = placed.bars[:, k]
         travel = axis.travel[1] - axis.travel[0]
-        np.testing.assert_allclose(np.linalg.norm(rail[:, 1] - rail[:, 0], axis=1), travel, atol=NEAR)
+        np.testing.assert_allclose(
+            np.linalg.norm(rail[:, 1] - rail[:, 0], axis=1), travel, atol=NEAR
+        )
         # the carriage is on its rail: parallel to it, and as far along as the slide stands
-        np.testing.assert_allclose(placed.pivots[:, k] - rail[:, 0], q[:, [k]] * machine.directions[k], atol=NEAR)
+        np.testing.assert_allclose(
+            placed.pivots[:, k] - rail[:, 0], q[:, [k]] * machine.directions[k], atol=NEAR
+        )
     np.testing.assert_allclose(placed.pivots[:, 2], where, atol=NEAR)
     hand = placed.bars[:, 3, 1] - placed.bars[:, 3, 0]
-    expected = machine.characteristic_length * np.stack([np.cos(turns), np.sin(turns), 0 * turns], 1)
+    expected = machine.characteristic_length * np.stack(
+        [np.cos(turns), np.sin(turns), 0 * turns], 1
+    )
     np.testing.assert_allclose(hand, expected, atol=NEAR)
 
 

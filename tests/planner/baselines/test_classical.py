@@ -50,7 +50,9 @@ def test_each_segment_is_a_trapezoid_in_arc_length(planned, baseline, name):
 
 
 def test_it_is_the_fastest_trapezoid_of_the_bare_circle(planned, baseline):
-    """Against every ramp length in turn, with the largest speed that dense places allow: V falls out by proportion."""
+    """Against every ramp length in turn, with the largest speed that dense places allow: V falls
+    out by proportion.
+    """
     path, length = planned("bare-circle", 2).path, planned("bare-circle", 2).path.breaks[-1]
     s = np.linspace(0, length, 4001)
     _, slope, bend, _ = path.derivatives(s, np.zeros(len(s), int))
@@ -64,7 +66,8 @@ def test_it_is_the_fastest_trapezoid_of_the_bare_circle(planned, baseline):
             np.sqrt(0.225 / np.abs(slope * rate[:, None] + bend * square[:, None]).max()),
         )
         best = min(best, (length + 2 * ramp) / top)
-    # ramp lengths 0.4 % apart here; a baseline that is slower by more would flatter the saving that is quoted
+    # ramp lengths 0.4 % apart here; a baseline that is slower by more would flatter the saving that
+    # is quoted
     assert baseline["bare-circle"].duration == pytest.approx(best, rel=1e-3)
 
 
@@ -77,10 +80,18 @@ def alone(kind, length, speed, acceleration, jerk=None):
     path, shapes = straight(length), PATH_SHAPES[kind]
     axes = [Axis("x", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)]
     limits = tuple(limits_of(path, axes, shapes.order))
-    return solve_goal(RunCertifier(path, limits, shapes.order, ClassicalFamily(shapes, uniform=False)))
+    return solve_goal(
+        RunCertifier(path, limits, shapes.order, ClassicalFamily(shapes, uniform=False))
+    )
 
 
-MOVES = [(1.0, 1.0, 2.0), (1.0, 10.0, 1.0), (0.05, 0.02, 0.225), (20.0, 30.0, 0.5), (100.0, 0.01, 10.0)]
+MOVES = [
+    (1.0, 1.0, 2.0),
+    (1.0, 10.0, 1.0),
+    (0.05, 0.02, 0.225),
+    (20.0, 30.0, 0.5),
+    (100.0, 0.01, 10.0),
+]
 
 
 @pytest.mark.parametrize(("length", "speed", "acceleration"), MOVES)
@@ -95,13 +106,26 @@ def test_on_a_straight_line_the_trapezoid_is_the_fastest_of_all(length, speed, a
 
 @pytest.mark.parametrize(
     ("length", "speed", "acceleration", "jerk"),
-    [(1.0, 1.0, 2.0, 10.0), (0.05, 0.02, 0.225, 4.0), (1e-3, 0.02, 0.225, 4.0), (1.0, 100.0, 2.0, 10.0)],
+    [
+        (1.0, 1.0, 2.0, 10.0),
+        (0.05, 0.02, 0.225, 4.0),
+        (1e-3, 0.02, 0.225, 4.0),
+        (1.0, 100.0, 2.0, 10.0),
+    ],
 )
-def test_on_a_straight_line_the_s_curve_is_the_fastest_under_a_jerk_limit(length, speed, acceleration, jerk):
-    """Seven pieces: T = L/V + V/A + A/J while V and A are reached; else V or A is the largest that is."""
+def test_on_a_straight_line_the_s_curve_is_the_fastest_under_a_jerk_limit(
+    length, speed, acceleration, jerk
+):
+    """Seven pieces: T = L/V + V/A + A/J while V and A are reached; else V or A is the largest that
+    is.
+    """
 
     def ramp(v):  # how long it takes to reach the speed v
-        return v / acceleration + acceleration / jerk if v * jerk >= acceleration**2 else 2 * np.sqrt(v / jerk)
+        return (
+            v / acceleration + acceleration / jerk
+            if v * jerk >= acceleration**2
+            else 2 * np.sqrt(v / jerk)
+        )
 
     low, high = 0.0, speed
     for _ in range(100):  # the top speed: ramps up and down make the way v · ramp(v)
@@ -116,8 +140,13 @@ def test_on_a_straight_line_the_s_curve_is_the_fastest_under_a_jerk_limit(length
 
 
 @pytest.mark.parametrize(("length", "speed", "acceleration"), MOVES)
-def test_on_a_straight_line_the_quarter_sine_is_the_fastest_of_its_kind(length, speed, acceleration):
-    """Its largest acceleration is V ω, at the start. With ω = A/V: T = L/V + (π − 2) V/A, if V is reached at all."""
+def test_on_a_straight_line_the_quarter_sine_is_the_fastest_of_its_kind(
+    length, speed, acceleration
+):
+    """Its largest acceleration is V ω, at the start.
+
+    With ω = A/V: T = L/V + (π − 2) V/A, if V is reached at all.
+    """
     found = alone("quarter-sine", length, speed, acceleration)
     top = min(speed, np.sqrt(length * acceleration / 2))  # ramps alone make the way 2 V/ω
     time = length / top + (np.pi - 2) * top / acceleration
@@ -132,7 +161,9 @@ def test_the_quarter_sine_is_one(ramp):
     omega = np.pi / 2 / ramp
     top = 1 / (2 / omega + 1 - 2 * ramp)
     speed = np.where(
-        t < ramp, top * np.sin(omega * t), np.where(t > 1 - ramp, top * np.cos(omega * (t - 1 + ramp)), top)
+        t < ramp,
+        top * np.sin(omega * t),
+        np.where(t > 1 - ramp, top * np.cos(omega * (t - 1 + ramp)), top),
     )
     begins = np.concatenate([[0.0], np.cumsum(unit.h)])
     k = np.clip(np.searchsorted(begins, t, side="right") - 1, 0, len(unit.h) - 1)
@@ -163,7 +194,9 @@ def test_synchronised_legs_start_and_stop_together_and_leave_the_line():
     """max |Δq|/V + V/A; the way of every leg by its own trapezoid, integrated here on its own."""
     made = line_to([15e-3, 5e-3, 25e-3])
     found = classical(made, "synchronised")
-    q = made.machine.inverse(from_numbers(made.path.pose_numbers(made.path.breaks, np.zeros(2, int))))
+    q = made.machine.inverse(
+        from_numbers(made.path.pose_numbers(made.path.breaks, np.zeros(2, int)))
+    )
     way = q[1] - q[0]
     assert found.duration == pytest.approx(np.abs(way).max() / 0.02 + 0.02 / 0.225, rel=3e-9)
     state = found.trajectory.at(np.linspace(0, found.duration, 20001))
@@ -173,7 +206,8 @@ def test_synchronised_legs_start_and_stop_together_and_leave_the_line():
     assert np.abs(state.qdd).max() <= 0.225 * (1 + 1e-12)
     assert (np.abs(state.qd[1:-1]) > 0).all()  # every leg from the start to the end
     assert found.certificate.holds
-    # the straight line in the legs is none in space; held against the legs' forward kinematics at half the time
+    # the straight line in the legs is none in space; held against the legs' forward kinematics at
+    # half the time
     half = (
         made.machine.forward(found.trajectory.at(found.duration / 2).q[0]).pose.translation
         - made.machine.home.translation
@@ -188,15 +222,21 @@ def test_independent_axes_end_each_in_their_own_time():
     """d/V + V/A or 2 √(d/A) for each leg."""
     made = line_to([15e-3, 5e-3, 25e-3])
     found = classical(made, "independent")
-    q = made.machine.inverse(from_numbers(made.path.pose_numbers(made.path.breaks, np.zeros(2, int))))
+    q = made.machine.inverse(
+        from_numbers(made.path.pose_numbers(made.path.breaks, np.zeros(2, int)))
+    )
     way = np.abs(q[1] - q[0])
     long = way * 0.225 >= 0.02**2
     expected = np.where(long, way / 0.02 + 0.02 / 0.225, 2 * np.sqrt(way / 0.225))
     assert found.duration == pytest.approx(expected.max(), rel=3e-9)
-    just_before, after = (found.trajectory.at(expected + d).qd for d in (-1e-3 * expected.min(), 1e-8))
+    just_before, after = (
+        found.trajectory.at(expected + d).qd for d in (-1e-3 * expected.min(), 1e-8)
+    )
     assert (np.abs(np.diag(just_before)) > 0).all()
     assert np.abs(np.diag(after)).max() < 1e-12
-    assert found.duration <= classical(made, "synchronised").duration < made.trajectory.duration * 1.5
+    assert (
+        found.duration <= classical(made, "synchronised").duration < made.trajectory.duration * 1.5
+    )
     # legs in step stay nearer to the line than legs on their own
     assert found.deviation.distance > classical(made, "synchronised").deviation.distance
 
@@ -219,9 +259,13 @@ def test_what_cannot_be_timed_says_so(planned, hexapod):
 
 
 def test_moves_between_poses_run_every_repetition(hexapod):
-    """Half a circle there and half back: twice the segment takes twice the time, and a full one does not move."""
+    """Half a circle there and half back: twice the segment takes twice the time, and a full one
+    does not move.
+    """
     start = RigidTransform.from_translation([0.01, 0, 0.03])
     half = Arc([0, 0, 0.03], [0, 0, 1], np.pi)
     once, twice = (plan(Program([half], start=start, repeat=n), hexapod, order=2) for n in (1, 2))
     for kind in ("synchronised", "independent"):
-        assert classical(twice, kind).duration == pytest.approx(2 * classical(once, kind).duration, rel=1e-6)
+        assert classical(twice, kind).duration == pytest.approx(
+            2 * classical(once, kind).duration, rel=1e-6
+        )

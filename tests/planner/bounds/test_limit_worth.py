@@ -1,4 +1,6 @@
-"""What limits are worth: closed forms, kinks, and planning again with a limit one per cent higher."""
+"""What limits are worth: closed forms, kinks, and planning again with a limit one per cent
+higher.
+"""
 
 import numpy as np
 import pytest
@@ -26,11 +28,15 @@ def worth_of(path, **limits):
 def test_a_trapezoid_in_closed_form():
     length, speed, acceleration = 3.0, 1.2, 2.0
     worth = worth_of(straight(length), max_speed=speed, max_acceleration=acceleration)
-    assert worth.of("speed") == pytest.approx(0.01 * (length / speed - speed / acceleration), rel=5e-3)
+    assert worth.of("speed") == pytest.approx(
+        0.01 * (length / speed - speed / acceleration), rel=5e-3
+    )
     assert worth.of("acceleration") == pytest.approx(0.01 * speed / acceleration, rel=5e-3)
     # without a stretch of full speed: T = 2 √(L/A)
     worth = worth_of(straight(length), max_speed=10.0, max_acceleration=acceleration)
-    assert worth.of("acceleration") == pytest.approx(0.01 * np.sqrt(length / acceleration), rel=5e-3)
+    assert worth.of("acceleration") == pytest.approx(
+        0.01 * np.sqrt(length / acceleration), rel=5e-3
+    )
     assert worth.of("speed") == pytest.approx(0.0, abs=1e-6)
     assert worth.best == ("acceleration", "axis1")
 
@@ -38,9 +44,15 @@ def test_a_trapezoid_in_closed_form():
 def test_an_s_curve_in_closed_form():
     """T = L/V + V/A + A/J where each of V and A is reached."""
     length, speed, acceleration, jerk = 3.0, 1.2, 2.0, 10.0
-    worth = worth_of(straight(length), max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
-    assert worth.of("speed") == pytest.approx(0.01 * (length / speed - speed / acceleration), rel=1e-2)
-    assert worth.of("acceleration") == pytest.approx(0.01 * (speed / acceleration - acceleration / jerk), rel=1e-2)
+    worth = worth_of(
+        straight(length), max_speed=speed, max_acceleration=acceleration, max_jerk=jerk
+    )
+    assert worth.of("speed") == pytest.approx(
+        0.01 * (length / speed - speed / acceleration), rel=1e-2
+    )
+    assert worth.of("acceleration") == pytest.approx(
+        0.01 * (speed / acceleration - acceleration / jerk), rel=1e-2
+    )
     assert worth.of("jerk") == pytest.approx(0.01 * acceleration / jerk, rel=1e-2)
 
 
@@ -53,14 +65,20 @@ def test_of_two_axes_that_move_alike_one_alone_saves_nothing():
     # of axes that differ by half a per cent, the slower one gains half a per cent
     worth = worth_of(straight(3.0, 2.985), max_speed=1.2, max_acceleration=2.0)
     assert worth.of("speed", "axis1") == pytest.approx(0.019 / 2, rel=1e-2)
-    assert worth.of("speed", "axis1") == pytest.approx(worth.replan("speed", "axis1", 0.01).saved, rel=2e-2)
+    assert worth.of("speed", "axis1") == pytest.approx(
+        worth.replan("speed", "axis1", 0.01).saved, rel=2e-2
+    )
     assert worth.of("speed", "axis2") == 0.0
 
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_planned_again_with_one_per_cent_more_it_saves_as_much(circle, order):
     worth = circle[order]
-    every = [*((limit, ALL) for limit in dict.fromkeys(worth.limits)), ("speed", "leg1"), ("speed", "leg4")]
+    every = [
+        *((limit, ALL) for limit in dict.fromkeys(worth.limits)),
+        ("speed", "leg1"),
+        ("speed", "leg4"),
+    ]
     for limit, axis in every:
         if worth.of(limit, axis) > 3e-4 * worth.trajectory.duration:
             again = worth.replan(limit, axis, 0.01)

@@ -1,4 +1,6 @@
-"""Constant tool speed: exactly the speed between the shortest ramps, or a refusal that names the place."""
+"""Constant tool speed: exactly the speed between the shortest ramps, or a refusal that names the
+place.
+"""
 
 import re
 from dataclasses import replace
@@ -19,17 +21,24 @@ RIM = RigidTransform.from_components([0.015, 0, 0.025], Rotation.identity())
 def table():
     """Two straight axes with no couplings: every answer has a closed form."""
     bundled = load_machine("traverser")
-    axes = [replace(axis, max_speed=0.1, max_acceleration=A, max_jerk=J, max_pulse_rate=None) for axis in bundled.axes]
+    axes = [
+        replace(axis, max_speed=0.1, max_acceleration=A, max_jerk=J, max_pulse_rate=None)
+        for axis in bundled.axes
+    ]
     return Traverser(axes=axes, home=bundled.home)
 
 
 def ramp(speed, order):
-    """Length of the shortest ramp of one axis: half the speed for as long as it takes (A²/J is not reached)."""
+    """Length of the shortest ramp of one axis: half the speed for as long as it takes (A²/J is not
+    reached).
+    """
     return speed / 2 * (speed / A if order == 2 else 2 * np.sqrt(speed / J))
 
 
 def kept(made, speed, number=1):
-    """Asserts that the stretch at constant speed is there, by the trajectory itself; its ends along the segment."""
+    """Asserts that the stretch at constant speed is there, by the trajectory itself; its ends along
+    the segment.
+    """
     (stretch,) = (each for each in made.constant_speeds if each.since.segment == number)
     assert stretch.speed == speed
     assert stretch.deviation <= SPEED_TOLERANCE
@@ -45,9 +54,13 @@ def kept(made, speed, number=1):
 @pytest.mark.parametrize("order", [2, 3])
 @pytest.mark.parametrize("speed", [0.01, 0.02])
 def test_a_straight_axis_has_the_shortest_ramps(table, order, speed):
-    made = plan(Program((Line([0.05, 0, 0], speed=speed, speed_constant=True),)), table, order=order)
+    made = plan(
+        Program((Line([0.05, 0, 0], speed=speed, speed_constant=True),)), table, order=order
+    )
     for length in kept(made, speed):
-        assert length == pytest.approx(ramp(speed, order), rel=3e-8)  # the share at which the speed counts as reached
+        assert length == pytest.approx(
+            ramp(speed, order), rel=3e-8
+        )  # the share at which the speed counts as reached
     least = (0.05 - 2 * ramp(speed, order)) / speed + 4 * ramp(speed, order) / speed
     assert made.trajectory.duration == pytest.approx(least, rel=3e-9)
 
@@ -60,13 +73,17 @@ def test_lines_and_arcs_of_a_hexapod(hexapod, order, segments):
     free = plan(Program(segments, start=RIM), hexapod, order=order)
     constant = tuple(replace(segment, speed_constant=True) for segment in segments)
     made = plan(Program(constant, start=RIM), hexapod, order=order)
-    # against the motion under the same caps: where it is first, and last, within 1e-4 of them; its own grid is 1/240
+    # against the motion under the same caps: where it is first, and last, within 1e-4 of them; its
+    # own grid is 1/240
     moved, breaks = free.trajectory, free.path.breaks
     for number, speed in enumerate(segment.speed for segment in segments):
         there = moved.s[(moved.piece == number) & (moved.v > speed * (1 - 1e-4))]
         up, down = kept(made, speed, number + 1)
         assert up <= 1.04 * (there[0] - breaks[number])
-        assert down <= 1.04 * (breaks[number + 1] - there[-1]) + (breaks[number + 1] - breaks[number]) / 240
+        assert (
+            down
+            <= 1.04 * (breaks[number + 1] - there[-1]) + (breaks[number + 1] - breaks[number]) / 240
+        )
 
 
 def test_a_program_that_begins_and_ends_at_the_speed_has_no_ramps(table):
@@ -103,7 +120,8 @@ def test_a_circle_that_is_too_fast_names_the_axis_the_place_and_the_speed(table,
 
 @pytest.mark.parametrize("speed", [0.0865, 0.1])
 def test_the_refusal_agrees_with_a_scan_of_its_own(hexapod, own_lengths, speed):
-    """Leg speeds and accelerations by differences of the legs' own lengths along the circle, 1e-5 rad apart.
+    """Leg speeds and accelerations by differences of the legs' own lengths along the circle, 1e-5
+    rad apart.
 
     86.5 mm/s can be kept along parts of the circle, 100 mm/s nowhere.
     """
@@ -117,10 +135,18 @@ def test_the_refusal_agrees_with_a_scan_of_its_own(hexapod, own_lengths, speed):
         home = hexapod.home.translation
 
         def circle(x):
-            return home + np.stack([0.015 * np.cos(x), 0.015 * np.sin(x), np.full(len(x), 0.025)], 1)
+            return home + np.stack(
+                [0.015 * np.cos(x), 0.015 * np.sin(x), np.full(len(x), 0.025)], 1
+            )
 
-        legs = [own_lengths(circle(angle + k * h), np.tile(np.eye(3), (len(angle), 1, 1))) for k in (-1, 0, 1)]
-        first, second = (legs[2] - legs[0]) / (2 * h * 0.015), (legs[2] - 2 * legs[1] + legs[0]) / (h * 0.015) ** 2
+        legs = [
+            own_lengths(circle(angle + k * h), np.tile(np.eye(3), (len(angle), 1, 1)))
+            for k in (-1, 0, 1)
+        ]
+        first, second = (
+            (legs[2] - legs[0]) / (2 * h * 0.015),
+            (legs[2] - 2 * legs[1] + legs[0]) / (h * 0.015) ** 2,
+        )
         return 1 / np.maximum(np.abs(first) / limit_v, np.sqrt(np.abs(second) / limit_a)).max(1)
 
     place = refusal.value.place
@@ -131,7 +157,9 @@ def test_the_refusal_agrees_with_a_scan_of_its_own(hexapod, own_lengths, speed):
 
 def test_a_segment_too_short_for_its_ramps_says_how_fast_it_gets(table):
     """From rest to rest over L one axis gets to √(A L)."""
-    with pytest.raises(Infeasible, match="too short for its ramps, limited by the acceleration of X") as refusal:
+    with pytest.raises(
+        Infeasible, match="too short for its ramps, limited by the acceleration of X"
+    ) as refusal:
         plan(Program((Line([0.001, 0, 0], speed=0.05, speed_constant=True),)), table, order=2)
     assert refusal.value.limit / 1e3 == pytest.approx(np.sqrt(A * 0.001), rel=1e-3)
 
@@ -144,7 +172,9 @@ def test_a_constant_speed_needs_a_speed():
 
 
 def test_an_end_of_travel_at_home_is_not_blamed_for_a_speed(hexapod):
-    """All legs stand at an end of their travel at home, to rounding: what stops the speed is the legs' own."""
+    """All legs stand at an end of their travel at home, to rounding: what stops the speed is the
+    legs' own.
+    """
     asked = Program((Line([0, 0, 0.025], speed=0.08, speed_constant=True),))
     with pytest.raises(Infeasible) as refusal:
         plan(asked, hexapod, order=2)
@@ -153,4 +183,6 @@ def test_an_end_of_travel_at_home_is_not_blamed_for_a_speed(hexapod):
     # a leg is slower than the tool by its slope on the path, which is above 0.9
     assert 20 < float(found[1]) < 20 / 0.9
     proved = re.search(r"([\d.]+) mm/s was found to hold", str(refusal.value))
-    assert plan(Program((replace(asked.segments[0], speed=float(proved[1]) / 1e3),)), hexapod, order=2)
+    assert plan(
+        Program((replace(asked.segments[0], speed=float(proved[1]) / 1e3),)), hexapod, order=2
+    )

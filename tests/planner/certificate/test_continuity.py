@@ -47,10 +47,16 @@ def test_turns_may_not_be_left_out(planned, order):
     plan = planned("circle", order)
     motion, limits = plan.trajectory, plan.limits
     path, lengths = motion.path, np.diff(motion.knots)
-    ends = [path.derivatives(path.breaks[[k, k + 1]], np.array([k, k]), 0)[0] for k in range(len(path.breaks) - 1)]
+    ends = [
+        path.derivatives(path.breaks[[k, k + 1]], np.array([k, k]), 0)[0]
+        for k in range(len(path.breaks) - 1)
+    ]
     turns = [k for k, (first, last) in enumerate(ends) if np.abs(first - last).max() < 1e-9]
     assert len(turns) == 2
-    kept, changed = np.ones(len(motion.s), bool), {name: getattr(motion, name).copy() for name in NUMBERS}
+    kept, changed = (
+        np.ones(len(motion.s), bool),
+        {name: getattr(motion, name).copy() for name in NUMBERS},
+    )
     for turn in turns:
         own = np.flatnonzero(motion.piece == turn)
         kept[own[1:-1]] = False
@@ -69,7 +75,9 @@ def test_a_dwell_may_not_be_left_out(planned):
     rest = (motion.v == 0) & (motion.a == 0) & (motion.j == 0)
     assert rest.any()
     assert faults(rebuilt(motion, lengths, ~rest), plan.limits) == {"dwell left out"}
-    assert faults(rebuilt(motion, np.where(rest, 0.9 * lengths, lengths)), plan.limits) == {"dwell left out"}
+    assert faults(rebuilt(motion, np.where(rest, 0.9 * lengths, lengths)), plan.limits) == {
+        "dwell left out"
+    }
     assert certify(rebuilt(motion, np.where(rest, 2 * lengths, lengths)), plan.limits).holds
 
 
@@ -77,7 +85,15 @@ def test_a_constant_speed_may_not_be_left_out(hexapod):
     path = actuate(Program([Line([0.01, 0, 0.02], speed=0.005, speed_constant=True)]), hexapod)
     limits = limits_of(path, hexapod.axes, 2)
     motion = certified_solve(path, limits, 2).trajectory
-    slow = Trajectory(path, 1.5 * motion.knots, motion.s, motion.v / 1.5, motion.a / 1.5**2, motion.j, motion.piece)
+    slow = Trajectory(
+        path,
+        1.5 * motion.knots,
+        motion.s,
+        motion.v / 1.5,
+        motion.a / 1.5**2,
+        motion.j,
+        motion.piece,
+    )
     assert faults(slow, limits) == {"constant speed left out"}
     at_it = np.flatnonzero(np.isfinite(motion.constant_speeds))
     almost = motion.v.copy()
@@ -89,7 +105,9 @@ def test_a_constant_speed_may_not_be_left_out(hexapod):
 @pytest.mark.parametrize("order", [2, 3])
 def test_places_within_a_piece_may_not_be_left_out(order):
     path = polynomial(4.0, -4.0, 0.0)  # out and back
-    hop = Trajectory(path, np.arange(3.0), np.array([0.0, 1.0]), *np.zeros((3, 2)), np.zeros(2, int))
+    hop = Trajectory(
+        path, np.arange(3.0), np.array([0.0, 1.0]), *np.zeros((3, 2)), np.zeros(2, int)
+    )
     assert faults(hop, bounded(order)) == {"place left out"}
     still = Trajectory(path, np.array([0.0, 1.0]), *np.zeros((4, 1)), np.zeros(1, int))
     assert "end off the path's" in faults(still, bounded(order))
@@ -113,7 +131,9 @@ def test_acceleration_may_not_jump_by_pieces_that_take_no_time():
     knots, large = np.array([0.0, 0.0, 1.0, 1.0, 2.0, 2.0]), 1e30
     s, v = np.array([0.0, 0.0, 0.5, 0.5, 1.0]), np.array([0.0, 0.0, 1.0, 1.0, 0.0])
     a, j = np.array([0.0, 1.0, 1.0, -1.0, -1.0]), np.array([large, 0.0, -large, 0.0, large])
-    assert faults(Trajectory(path, knots, s, v, a, j, np.zeros(5, int)), bounded(3)) == {"acceleration jump"}
+    assert faults(Trajectory(path, knots, s, v, a, j, np.zeros(5, int)), bounded(3)) == {
+        "acceleration jump"
+    }
 
 
 def test_time_may_not_run_backwards():
@@ -141,10 +161,17 @@ def test_a_motion_with_pieces_that_rounding_made_of_no_length_holds():
 
 @pytest.mark.parametrize("exponent", [-280, -160, -100, 0, 100, 160, 200])
 def test_peaks_are_bounded_at_every_scale(exponent):
-    """A speed that peaks between two instants by 2e-6 above its limit: squares of its numbers are no numbers."""
+    """A speed that peaks between two instants by 2e-6 above its limit: squares of its numbers are
+    no numbers.
+    """
     unit = 10.0**exponent
-    path = PolynomialPath([0.0, 1.0], unit * np.array([[[-0.25]], [[0.0]], [[0.5]], [[0.0]], [[0.0]]]), ["x"])
-    axes, motion = [Axis("x")], Trajectory(path, np.array([0.0, 1.0]), *np.array([[0.0], [1.0], [0.0], [0.0]]), [0])
+    path = PolynomialPath(
+        [0.0, 1.0], unit * np.array([[[-0.25]], [[0.0]], [[0.5]], [[0.0]], [[0.0]]]), ["x"]
+    )
+    axes, motion = (
+        [Axis("x")],
+        Trajectory(path, np.array([0.0, 1.0]), *np.array([[0.0], [1.0], [0.0], [0.0]]), [0]),
+    )
     peak = unit * 2 / np.sqrt(27) / (1 + 2e-6)
     limits = [Speed(axes, np.array([peak])), Jerk(axes, np.array([1e3 * unit]))]
     assert certify(motion, limits).worst["speed"] == pytest.approx(1 + 2e-6, abs=1e-7)

@@ -28,7 +28,9 @@ def tripod():
 
 
 def test_the_flat_pose_of_a_tripod_is_named(tripod):
-    """The arms lie in one plane where the plate's joints reach the base's: at the height that this is."""
+    """The arms lie in one plane where the plate's joints reach the base's: at the height that this
+    is.
+    """
     flat = -(tripod.home.translation[2] + tripod.platform[0, 2])
     path, found = met(Program([Line([0, 0, flat + 0.05])]), tripod)
     assert found is not None
@@ -48,7 +50,14 @@ def test_a_path_that_ends_before_it_is_free(tripod):
 @pytest.mark.parametrize(
     ("name", "segments"),
     [
-        ("hexapod", [Line([0.01, 0, 0.02]), Arc([0, 0, 0.02], [0, 0, 1], 7.0), Turn(Rotation.from_euler("X", 0.1))]),
+        (
+            "hexapod",
+            [
+                Line([0.01, 0, 0.02]),
+                Arc([0, 0, 0.02], [0, 0, 1], 7.0),
+                Turn(Rotation.from_euler("X", 0.1)),
+            ],
+        ),
         ("tripod", [Line([0.01, 0.02, 0.02])]),
         ("linkage", [Line([0.03, 0.02, 0])]),
         ("traverser", [Line([0.5, 0.2, 0.3]), Turn(about=[0, 0, 1], angle=9.0)]),
@@ -60,13 +69,17 @@ def test_ordinary_paths_are_free(name, segments):
 
 
 def test_what_is_free_keeps_the_sign_of_its_determinant(hexapod):
-    """And what is met is no more than a hair from where the determinant's sign changes: a turn of 120 deg."""
+    """And what is met is no more than a hair from where the determinant's sign changes: a turn of
+    120 deg.
+    """
     turned = Program([Turn(about=[0, 0, 1], angle=np.deg2rad(120))])
     path, found = met(turned, hexapod)
     s = np.linspace(0, path.breaks[-1], 2001)
     piece = np.clip(np.searchsorted(path.breaks, s, side="right") - 1, 0, len(path.breaks) - 2)
     x = path.pose_numbers(s, piece)
-    pose = RigidTransform.from_components(x[:, :3], Rotation.from_matrix(x[:, 3:].reshape(-1, 3, 3)))
+    pose = RigidTransform.from_components(
+        x[:, :3], Rotation.from_matrix(x[:, 3:].reshape(-1, 3, 3))
+    )
     sign = np.sign(np.linalg.det(hexapod.jacobian(pose)))
     changes = np.flatnonzero(np.diff(sign))
     assert len(changes)

@@ -1,4 +1,6 @@
-"""Every motion that is certified uses at most 1 of every limit, by the proof, and next to nothing is lost by it."""
+"""Every motion that is certified uses at most 1 of every limit, by the proof, and next to nothing
+is lost by it.
+"""
 
 from dataclasses import replace
 
@@ -9,7 +11,13 @@ from scipy.interpolate import CubicSpline, PPoly
 from benchmarks.evidence.random_problems import random_problem
 from kinematics import Axis, Hexapod, Traverser, load_machine
 from planner import Line, Program, plan, time_optimal
-from planner.certificate import LIMIT_ROUNDING, certify, forget_paths, prove_path_use, round_reached_use
+from planner.certificate import (
+    LIMIT_ROUNDING,
+    certify,
+    forget_paths,
+    prove_path_use,
+    round_reached_use,
+)
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 
@@ -25,7 +33,9 @@ ZOO = [
 @pytest.fixture(scope="module")
 def table():
     bundled = load_machine("traverser")
-    axes = [replace(axis, max_speed=0.1, max_acceleration=0.5, max_jerk=10.0) for axis in bundled.axes]
+    axes = [
+        replace(axis, max_speed=0.1, max_acceleration=0.5, max_jerk=10.0) for axis in bundled.axes
+    ]
     return Traverser(axes=[replace(axis, max_pulse_rate=None) for axis in axes], home=bundled.home)
 
 
@@ -78,14 +88,18 @@ def test_what_a_timing_chooses_is_not_rounded_to_one():
     for speed, holds in ((found.certificate.worst["speed"] / (1 + 1e-10), False), (1.0, True)):
         axes = [Axis(name=name, max_speed=speed, max_acceleration=2.0) for name in path.names]
         assert certify(found.trajectory, limits_of(path, axes, 2)).holds is holds
-    assert round_reached_use(np.array([1 + LIMIT_ROUNDING / 2, 1 + 2 * LIMIT_ROUNDING])).tolist() == [
+    assert round_reached_use(
+        np.array([1 + LIMIT_ROUNDING / 2, 1 + 2 * LIMIT_ROUNDING])
+    ).tolist() == [
         1.0,
         1 + 2 * LIMIT_ROUNDING,
     ]
 
 
 def test_what_geometry_uses_is_proved_once_for_equal_content(hexapod):
-    """For another path of the same numbers, and for any other order; anew where any number differs."""
+    """For another path of the same numbers, and for any other order; anew where any number
+    differs.
+    """
 
     def use(height=0.02, machine=hexapod, order=2):
         path = actuate(Program([Line([0.01, 0, height])]), machine)

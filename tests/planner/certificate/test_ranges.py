@@ -1,4 +1,6 @@
-"""Ranges of a motion over cells of time, held against exact arithmetic and against the motion itself."""
+"""Ranges of a motion over cells of time, held against exact arithmetic and against the motion
+itself.
+"""
 
 from fractions import Fraction
 
@@ -45,13 +47,19 @@ def compose(outer, inner):
 @settings(max_examples=25 if LONG else 8, deadline=None)
 @given(st.integers(0, 2**31), st.floats(-6, 0), st.floats(0, 3))
 def test_what_is_exact_lies_in_the_range(seed, small, far):
-    """Polynomials of a path, in exact fractions: every instant's q … q⃛, with all that rounding did to the bounds."""
+    """Polynomials of a path, in exact fractions: every instant's q … q⃛, with all that rounding did
+    to the bounds.
+    """
     random = np.random.default_rng(seed)
     start = 10**far
     path = PolynomialPath([start, start + 1.0], random.normal(size=(6, 1, 2)), ["a", "b"])
     h = 10**small
     s = start + random.uniform(0, 0.5, 3)
-    v, a, j = random.uniform(0.1, 0.4, 3) / h, random.normal(0, 0.1, 3) / h**2, random.normal(0, 0.1, 3) / h**3
+    v, a, j = (
+        random.uniform(0.1, 0.4, 3) / h,
+        random.normal(0, 0.1, 3) / h**2,
+        random.normal(0, 0.1, 3) / h**3,
+    )
     walk = Trajectory(path, np.arange(4.0) * h, s, v, a, j, np.zeros(3, int))
     cells = Cells(np.arange(3), random.uniform(0, 0.4, 3) * h, random.uniform(0.5, 1, 3) * h)
     enclosed = enclose_along_path(walk, cells, 3)
@@ -62,7 +70,9 @@ def test_what_is_exact_lies_in_the_range(seed, small, far):
             x, speed, push, pull = exact([each[k] for each in (walk.s, walk.v, walk.a, walk.j)])
             for axis in range(2):
                 q = exact(path.coefficients[::-1, 0, axis])
-                motion = differentiate(compose(q, [x - Fraction(start), speed, push / 2, pull / 6]), n)
+                motion = differentiate(
+                    compose(q, [x - Fraction(start), speed, push / 2, pull / 6]), n
+                )
                 for part in range(9):
                     lo, hi = Fraction(float(cells.lo[k])), Fraction(float(cells.hi[k]))
                     value = evaluate(motion, lo + (hi - lo) * part / 8)
@@ -79,7 +89,9 @@ def walk(hexapod):
     h = length * 10 ** random.uniform(-5, -0.5, 60) / 0.1
     s = path.breaks[piece] + length * random.uniform(0, 0.6, 60)
     v, a = 0.1 * random.uniform(0, 1, 60), 0.1 / h * random.uniform(-0.5, 0.5, 60)
-    return Trajectory(path, np.append(0.0, np.cumsum(h)), s, v, a, 0.1 / h**2 * random.normal(0, 0.2, 60), piece)
+    return Trajectory(
+        path, np.append(0.0, np.cumsum(h)), s, v, a, 0.1 / h**2 * random.normal(0, 0.2, 60), piece
+    )
 
 
 def whole(walk):
@@ -92,7 +104,13 @@ def test_every_sample_lies_in_the_range_of_axes_and_pose(walk):
     for share in np.linspace(0, 1, 33):
         state = walk.within(cells.k, share * cells.hi, jerk=True)
         met = [state.q, state.qd, state.qdd, state.qddd, *(state.pose_rate(n) for n in range(3))]
-        found = [enclosed.q, enclosed.qd, enclosed.qdd, enclosed.qddd, *(enclosed.pose_rate(n) for n in range(3))]
+        found = [
+            enclosed.q,
+            enclosed.qd,
+            enclosed.qdd,
+            enclosed.qddd,
+            *(enclosed.pose_rate(n) for n in range(3)),
+        ]
         for value, ball in zip(met, found, strict=True):
             low, high = enclosed.bound(ball)
             off = 1e-12 * np.abs(value).max(0)  # what the sample itself rounds
@@ -143,7 +161,9 @@ def at_unit_rate(motion):
 
 
 def test_polynomials_of_every_shape_stay_in_their_range():
-    """Cubics with two peaks, and what higher powers make of them: values in extended precision, at 2001 instants."""
+    """Cubics with two peaks, and what higher powers make of them: values in extended precision, at
+    2001 instants.
+    """
     random, tau = np.random.default_rng(5), np.linspace(-1, 1, 2001, dtype=np.longdouble)
     polynomial, (cells, width) = np.polynomial.polynomial, (24, 2)
     for _ in range(12 if LONG else 3):
@@ -156,12 +176,15 @@ def test_polynomials_of_every_shape_stay_in_their_range():
         for n, c in np.ndindex(cells, width):
             q = [np.longdouble(0)]
             for power in mid[7::-1, 0, c].astype(np.longdouble):
-                q = polynomial.polyadd(polynomial.polymul(q, motion[:, n].astype(np.longdouble)), [power])
+                q = polynomial.polyadd(
+                    polynomial.polymul(q, motion[:, n].astype(np.longdouble)), [power]
+                )
             for times in range(4):
                 value = polynomial.polyval(tau, polynomial.polyder(q, times))
                 middle, half, least, most = found[:, times, n, c]
                 assert middle - half <= value.min() <= value.max() <= middle + half
-                # between two instants a peak is 1/1000² of the range above both at the most, on the steepest of them
+                # between two instants a peak is 1/1000² of the range above both at the most, on the
+                # steepest of them
                 beside = 1e-6 * np.ptp(value) + 1e-13 * np.abs(value).max()
                 assert least >= value.min() - beside
                 assert most <= value.max() + beside
@@ -183,7 +206,9 @@ def test_the_kernel_is_the_same_in_python(walk):
     given = (np.stack([mid, rad]), np.array([0, 1, 1, 0, 1]), cells)
     compiled, plain = np.empty((2, 4, 4, 5, 3))
     bound_motion(*given, compiled)
-    source = getattr(bound_motion, "function", None) or bound_motion.py_func  # compiled before this module was loaded
+    source = (
+        getattr(bound_motion, "function", None) or bound_motion.py_func
+    )  # compiled before this module was loaded
     source(*given, plain)
     # of the middle of a narrow range a last place is a little of the ball
     assert plain[0] == pytest.approx(compiled[0], rel=1e-14, abs=ROUNDINGS)

@@ -16,14 +16,23 @@ from tests.pace import LONG
 
 EXCESS, MOTIONS = 2e-6, 100 if LONG else 25
 CURVE = ((0.0, 400.0), (0.01, 380.0), (0.1, 200.0))
-TIMED = ("speed", "acceleration", "jerk", "pulse rate", "tool speed", "tool acceleration", "angular speed")
+TIMED = (
+    "speed",
+    "acceleration",
+    "jerk",
+    "pulse rate",
+    "tool speed",
+    "tool acceleration",
+    "angular speed",
+)
 KINDS = (*TIMED, "force", "torque-speed", "travel", "tilt", "clearance", "holding force")
 
 
 @pytest.fixture(scope="module")
 def path(hexapod):
     axes = [
-        replace(axis, torque_speed=CURVE, max_force=400.0, max_pulse_rate=1e5, max_jerk=1.0) for axis in hexapod.axes
+        replace(axis, torque_speed=CURVE, max_force=400.0, max_pulse_rate=1e5, max_jerk=1.0)
+        for axis in hexapod.axes
     ]
     bodies = hexapod.bodies
     machine = Hexapod(
@@ -51,7 +60,9 @@ def path(hexapod):
 
 
 def pieces_of_motion(path, seed):
-    """A time piece each, anywhere on the path: from a thousandth to a tenth of it, none at rest, none backwards."""
+    """A time piece each, anywhere on the path: from a thousandth to a tenth of it, none at rest,
+    none backwards.
+    """
     random = np.random.default_rng(seed)
     piece = random.integers(0, len(path.breaks) - 1, MOTIONS)
     length = np.diff(path.breaks)[piece]
@@ -79,11 +90,15 @@ def test_a_violation_by_two_millionths_is_found_in_every_motion(path, kind):
     axes = path.machine.axes
     limit = next(limit for limit in limits_of(path, axes, 3) if limit.name == kind)
     for motion in pieces_of_motion(path, KINDS.index(kind)):
-        state = motion.within(np.zeros(201, int), motion.knots[1] * np.linspace(0, 1, 201), jerk=True)
+        state = motion.within(
+            np.zeros(201, int), motion.knots[1] * np.linspace(0, 1, 201), jerk=True
+        )
         values = limit.value(state)
         most = limit.use(values, values, state.piece).max()
         over = most / (1 + EXCESS)
-        broken = break_by(limit, 1 / over if kind == "clearance" else over)  # the nearer, the more of it
+        broken = break_by(
+            limit, 1 / over if kind == "clearance" else over
+        )  # the nearer, the more of it
         (use,), (met,) = (each[kind] for each in prove(motion, [broken], 3))
         assert use > 1 + EXCESS / 2
         assert use >= met

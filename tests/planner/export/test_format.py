@@ -1,4 +1,6 @@
-"""What every format claims of its file, whatever the program: it has moves, and the deviation is of all the way."""
+"""What every format claims of its file, whatever the program: it has moves, and the deviation is of
+all the way.
+"""
 
 from dataclasses import replace
 
@@ -43,7 +45,9 @@ WHOLE = (
 
 @pytest.fixture(scope="module", params=MACHINES)
 def sources(request):
-    """A plan of every program (the traverser's formats lose most), of some on others; the hexapod starts higher."""
+    """A plan of every program (the traverser's formats lose most), of some on others; the hexapod
+    starts higher.
+    """
     machine, found = load_machine(request.param), {}
     lift = np.array([0, 0, 0.002 if machine.name == "hexapod" else 0.0])
     for name, segments in PROGRAMS.items():
@@ -66,17 +70,29 @@ def raised(segment, lift):
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_no_file_is_without_moves_and_no_deviation_is_claimed_that_is_not_of_all_the_way(sources, name, tmp_path):
+def test_no_file_is_without_moves_and_no_deviation_is_claimed_that_is_not_of_all_the_way(
+    sources, name, tmp_path
+):
     for program, source in sources.items():
         try:
             done = export(find_format(name)(), name, source, tmp_path / "file")
         except MotionError as no:
             told = str(no)
             assert told.startswith((name, "kmitl", "adlink", "format")), told
-            expected = program == "nanometres" and ("the file would hold no move" in told or "no move to write" in told)
+            expected = program == "nanometres" and (
+                "the file would hold no move" in told or "no move to write" in told
+            )
             expected |= name in REFUSED and REFUSED[name] in told
-            expected |= name == "sasidhar" and program == "a blended loop" and "stops only where it starts" in told
-            expected |= name == "sahbaz" and program == "blends" and "which a trapezoidal move cannot do" in told
+            expected |= (
+                name == "sasidhar"
+                and program == "a blended loop"
+                and "stops only where it starts" in told
+            )
+            expected |= (
+                name == "sahbaz"
+                and program == "blends"
+                and "which a trapezoidal move cannot do" in told
+            )
             assert expected, (program, told)
             continue
         assert done.moves is not None, f"{name} does not tell how many moves its file holds"
@@ -101,8 +117,14 @@ class Wrong:
 @pytest.mark.parametrize(
     ("done", "told"),
     [
-        (Exported(0.0, "the motion", moves=0), "would hold no move, and the plan's motion cannot be expressed in it"),
-        (Exported(np.inf, "the pulses", moves=3), "decodes to another motion than the plan's, against the pulses"),
+        (
+            Exported(0.0, "the motion", moves=0),
+            "would hold no move, and the plan's motion cannot be expressed in it",
+        ),
+        (
+            Exported(np.inf, "the pulses", moves=3),
+            "decodes to another motion than the plan's, against the pulses",
+        ),
         (Exported(np.nan, "the pulses", moves=3), "decodes to another motion"),
     ],
 )
@@ -127,8 +149,12 @@ BINARY = ("npz", "binary", "byte")
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name not in BINARY])
-def test_text_is_in_the_encoding_that_its_reader_takes_and_says_what_we_say(sources, name, tmp_path):
-    """The C export's header had `within \\xbd more` and `pulses\\u002fs`: our own words are ASCII where the file is."""
+def test_text_is_in_the_encoding_that_its_reader_takes_and_says_what_we_say(
+    sources, name, tmp_path
+):
+    """The C export's header had `within \\xbd more` and `pulses\\u002fs`: our own words are ASCII
+    where the file is.
+    """
     try:
         done = export(find_format(name)(), name, sources["stops"], tmp_path / "file")
     except MotionError:

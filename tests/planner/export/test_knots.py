@@ -1,4 +1,6 @@
-"""Points chosen for a reader's interpolation: against SciPy's, known remainders, and motions that need few points."""
+"""Points chosen for a reader's interpolation: against SciPy's, known remainders, and motions that
+need few points.
+"""
 
 from dataclasses import dataclass
 
@@ -16,7 +18,9 @@ UM = (Axis("X", pulse=1e-6),)
 
 @dataclass
 class Polynomial:
-    """q(t) = Σ c_i tⁱ (c: (degree + 1, axes)) until `duration`, where it rests; pieces as the knots say."""
+    """q(t) = Σ c_i tⁱ (c: (degree + 1, axes)) until `duration`, where it rests; pieces as the knots
+    say.
+    """
 
     c: np.ndarray
     duration: float
@@ -51,7 +55,9 @@ def test_segments_are_those_of_scipy(rows, seed):
     data = random.normal(size=(rows, 6, 2))
     segments = Segments(t[:-1], t[1:], data[:, :-1], data[:, 1:])
     u = np.linspace(0, 1, 7)
-    ours = data[0][:-1] + np.einsum("up,psa->usa", u[:, None] ** np.arange(2 * rows), segments.coefficients)
+    ours = data[0][:-1] + np.einsum(
+        "up,psa->usa", u[:, None] ** np.arange(2 * rows), segments.coefficients
+    )
     when = segments.start + u[:, None] * (segments.end - segments.start)
     theirs = BPoly.from_derivatives(t, np.moveaxis(data, 0, 1))(when)
     assert np.allclose(ours, theirs, atol=1e-11)
@@ -61,7 +67,9 @@ def test_segments_are_those_of_scipy(rows, seed):
 
 @pytest.mark.parametrize(("rows", "remainder"), [(1, 1 / 8), (2, 1 / 384), (3, 1 / 46080)])
 def test_the_deviation_is_the_known_remainder(rows, remainder):
-    """|q⁽²ᵐ⁾| h²ᵐ / ((2m)! 4ᵐ) in the middle, told to a hundredth; and no less, but for ë at probes beside its peak."""
+    """|q⁽²ᵐ⁾| h²ᵐ / ((2m)! 4ᵐ) in the middle, told to a hundredth; and no less, but for ë at probes
+    beside its peak.
+    """
     h = 0.5
     motion = power(2 * rows)
     start, end = np.array([0.25]), np.array([0.25 + h])
@@ -72,7 +80,9 @@ def test_the_deviation_is_the_known_remainder(rows, remainder):
 
 
 def test_a_cubic_that_runs_back_is_measured():
-    """From rest by 1 in 1 s, to an end speed v: q̇ = (6 - 2v)u + (3v - 6)u² is first negative where v > 3."""
+    """From rest by 1 in 1 s, to an end speed v: q̇ = (6 - 2v)u + (3v - 6)u² is first negative where
+    v > 3.
+    """
     one = np.zeros(1), np.ones(1)
     u = np.linspace(0, 1, 200_001)
     turning = Polynomial(np.array([[0.0], [1.0], [-1.0]]), 1.0, np.array([0.0, 1.0]))
@@ -84,11 +94,15 @@ def test_a_cubic_that_runs_back_is_measured():
             q = CubicHermiteSpline([0, 1], *ends)(u)
             assert found == pytest.approx((np.maximum.accumulate(q) - q).max(), abs=1e-9)
             assert (found > 0) == ((entry, speed) not in [(0.0, 2.9), (0.05, 3.1)])
-            assert segments.backward_way(turning, 8)[0, 0] == 0  # there and back: the motion's own reversal
+            assert (
+                segments.backward_way(turning, 8)[0, 0] == 0
+            )  # there and back: the motion's own reversal
 
 
 def test_no_more_points_than_the_remainder_asks_for():
-    """q = a t⁴: equal segments of h = (384 · ½ pulse / 24 a)^¼ would do; halving at most doubles their number."""
+    """q = a t⁴: equal segments of h = (384 · ½ pulse / 24 a)^¼ would do; halving at most doubles
+    their number.
+    """
     motion = power(4, scale=1e-3)
     knots = choose_knots(motion, UM, 2, step=1e-9, tolerance=None, spacing=None)
     least = (24e-3 / (384 * 0.5e-6)) ** 0.25
@@ -98,7 +112,14 @@ def test_no_more_points_than_the_remainder_asks_for():
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_what_the_reader_makes_exactly_needs_no_points(n):
     """A line, a parabola and a cubic in a fourth of a second, with the speed: one segment."""
-    assert len(choose_knots(power(n, duration=0.25), UM, 2, step=1e-9, tolerance=1e-3, spacing=None).steps) == 2
+    assert (
+        len(
+            choose_knots(
+                power(n, duration=0.25), UM, 2, step=1e-9, tolerance=1e-3, spacing=None
+            ).steps
+        )
+        == 2
+    )
 
 
 def test_a_jump_of_acceleration_is_parted_at_its_knot():
@@ -111,7 +132,11 @@ def test_a_jump_of_acceleration_is_parted_at_its_knot():
             after = np.maximum(np.clip(t, 0, 1) - 0.3, 0)[:, None]
             return _State(after**2, 2 * after, 2.0 * (t >= 0.3)[:, None], 0 * after)
 
-    assert choose_knots(Jump(), UM, 2, step=1e-9, tolerance=0.5, spacing=None).steps.tolist() == [0, 300_000_000, 10**9]
+    assert choose_knots(Jump(), UM, 2, step=1e-9, tolerance=0.5, spacing=None).steps.tolist() == [
+        0,
+        300_000_000,
+        10**9,
+    ]
 
 
 def test_even_spacing_outlasts_the_motion_by_less_than_one():
@@ -138,7 +163,13 @@ def test_even_spacing_outlasts_the_motion_by_less_than_one():
 )
 def test_what_cannot_be_is_refused(given, told):
     with pytest.raises(MotionError, match=told):
-        choose_knots(power(4), UM, 1, longest=200_000, **{"tolerance": None, "spacing": None, "step": 1e-6} | given)
+        choose_knots(
+            power(4),
+            UM,
+            1,
+            longest=200_000,
+            **{"tolerance": None, "spacing": None, "step": 1e-6} | given,
+        )
 
 
 def test_no_motion_is_refused():
@@ -147,7 +178,9 @@ def test_no_motion_is_refused():
 
 
 def test_segments_are_cut_to_the_longest():
-    knots = choose_knots(power(1, scale=0.0), UM, 2, step=1e-3, tolerance=None, spacing=None, longest=300)
+    knots = choose_knots(
+        power(1, scale=0.0), UM, 2, step=1e-3, tolerance=None, spacing=None, longest=300
+    )
     assert knots.steps.tolist() == [0, 250, 500, 750, 1000]
 
 
@@ -169,7 +202,9 @@ def test_chosen_points_leave_no_cubic_that_runs_back():
 
 @pytest.mark.parametrize("hours", [20, 100])
 def test_a_rest_of_days_is_cut_in_whole_nanoseconds(hours):
-    """At rest for days after one second of motion: 100 h are 3.6e14 ns, times 36 000 parts more than 63 bits hold."""
+    """At rest for days after one second of motion: 100 h are 3.6e14 ns, times 36 000 parts more
+    than 63 bits hold.
+    """
     duration = 3600.0 * hours
     ramp = np.array([[0.0], [0.0], [3e-3], [-2e-3]])  # 3 t² − 2 t³, from rest to rest
 
@@ -177,7 +212,9 @@ def test_a_rest_of_days_is_cut_in_whole_nanoseconds(hours):
         def at(self, t):
             state = Polynomial(self.c, 1.0, self.knots).at(np.minimum(t, 1.0))
             still = np.asarray(t)[..., None] >= 1.0
-            return _State(state.q, *(np.where(still, 0.0, rate) for rate in (state.qd, state.qdd, state.qddd)))
+            return _State(
+                state.q, *(np.where(still, 0.0, rate) for rate in (state.qd, state.qdd, state.qddd))
+            )
 
     motion = Resting(ramp, duration, np.array([0.0, 1.0, duration]))
     knots = choose_knots(motion, UM, 3, step=1e-9, tolerance=None, spacing=None)

@@ -90,7 +90,9 @@ def test_pieces_that_leave_a_gap_in_time_are_not_written(parted, tmp_path):
         writer.add(slice_of(motion, 0, 3))
         with pytest.raises(MotionError, match=r"begin at 1\.33\d* s, and those before end at 1 s"):
             writer.add(slice_of(motion, 4, 7))
-        with pytest.raises(MotionError, match=r"the part begins at 2 s, and those before end at 1 s"):
+        with pytest.raises(
+            MotionError, match=r"the part begins at 2 s, and those before end at 1 s"
+        ):
             writer.add(slice_of(motion, 3, 7), motion_file.PartHead(2.0, 0.0, 0, 1))
 
 
@@ -108,14 +110,18 @@ def crafted(content, kind, change):
 
 
 def said(kind, **change):
-    return lambda content: crafted(content, kind, lambda held: json.dumps(json.loads(held) | change).encode())
+    return lambda content: crafted(
+        content, kind, lambda held: json.dumps(json.loads(held) | change).encode()
+    )
 
 
 def counted(count, inflated=None):
     """A chunk that states so many pieces, and inflates to so many zeros."""
 
     def change(held):
-        return struct.pack("<Q", count) + (held[8:] if inflated is None else compress(bytes(inflated), 1))
+        return struct.pack("<Q", count) + (
+            held[8:] if inflated is None else compress(bytes(inflated), 1)
+        )
 
     return lambda content: crafted(content, "MOTN", change)
 
@@ -164,7 +170,10 @@ CRAFTED = {
 @pytest.mark.parametrize("make", CRAFTED.values(), ids=CRAFTED)
 def test_a_crafted_file_is_refused_in_little_memory(tmp_path, make):
     """Whoever passes a file on may have written anything into it, with checksums that are right."""
-    path, motion = tmp_path / "motion.bin", motion_of([(0.0, 0.0, 1.0, 0.0, 0), (1.0, 1.0, -1.0, 0.0, 0)])
+    path, motion = (
+        tmp_path / "motion.bin",
+        motion_of([(0.0, 0.0, 1.0, 0.0, 0), (1.0, 1.0, -1.0, 0.0, 0)]),
+    )
     with path.open("wb") as file:
         writer = MotionWriter(file)
         writer.add(motion, motion_file.PartHead(0.0, 0.0, 0, 1))
@@ -185,7 +194,8 @@ def test_a_crafted_file_is_refused_in_little_memory(tmp_path, make):
 @pytest.mark.parametrize("duration", [float("inf"), float("nan"), HUGE, "1", None, -1.0])
 def test_a_stated_duration_that_is_none_is_refused(tmp_path, duration):
     motion_pieces.store(
-        tmp_path / "m", {"knots": [0.0, 1.0], "s": [0.0], "v": [0.0], "a": [0.0], "j": [0.0], "piece": [0]}
+        tmp_path / "m",
+        {"knots": [0.0, 1.0], "s": [0.0], "v": [0.0], "a": [0.0], "j": [0.0], "piece": [0]},
     )
     content = (tmp_path / "m").read_bytes()
     (tmp_path / "m").write_bytes(said("MARK", duration=duration)(content))

@@ -1,4 +1,6 @@
-"""A plan held and resumed: limits kept, on the path, pulses that continue, and hardly a sooner stop."""
+"""A plan held and resumed: limits kept, on the path, pulses that continue, and hardly a sooner
+stop.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -55,11 +57,15 @@ def test_a_stop_goes_on_with_the_motion_and_comes_to_rest_on_its_path(circle, st
     place = held.since + held.trajectory.at(np.linspace(0, held.duration, 50)).along
     passed = np.searchsorted(circle.path.breaks, place, "right") - 1
     there = circle.path.derivatives(place, np.clip(passed, 0, len(circle.path.pieces) - 1), 0)[0]
-    assert held.trajectory.at(np.linspace(0, held.duration, 50)).q == pytest.approx(there, abs=1e-10)
+    assert held.trajectory.at(np.linspace(0, held.duration, 50)).q == pytest.approx(
+        there, abs=1e-10
+    )
 
 
 def test_hardly_any_stop_is_sooner(circle, stop_at):
-    """Than the soonest to any of many rests ahead, each by the engine's own solver on a fine grid."""
+    """Than the soonest to any of many rests ahead, each by the engine's own solver on a fine
+    grid.
+    """
     held = stop_at(0.31)
     whole = circle.whole()
     now = look(circle.trajectory, held.at)
@@ -74,8 +80,12 @@ def test_hardly_any_stop_is_sooner(circle, stop_at):
 
 
 def test_no_later_stop_is_sooner():
-    """Behind a blend by which the jerk leaves a narrow way, that hardly any grid but the plan's own shows."""
-    program = Program((Line(to=(0.03, 0, 0), join=Blend(5e-4)), Line(to=(0.03, 0.03, 0), speed=0.05)))
+    """Behind a blend by which the jerk leaves a narrow way, that hardly any grid but the plan's own
+    shows.
+    """
+    program = Program(
+        (Line(to=(0.03, 0, 0), join=Blend(5e-4)), Line(to=(0.03, 0.03, 0), speed=0.05))
+    )
     made = plan(program, load_machine("corexy"))
     held = made.hold(0.1872)
     assert held.certificate.holds
@@ -94,7 +104,9 @@ def diagonal():
 
 @pytest.mark.parametrize("at", [0.02, 0.115, 0.2])
 def test_a_stop_along_a_line_takes_what_its_limits_ask_for(diagonal, at):
-    """From its ramp up too, whose last part is the only motion that does not come above the largest speed."""
+    """From its ramp up too, whose last part is the only motion that does not come above the largest
+    speed.
+    """
     made = diagonal
     hard, jerk = np.array([3.0, 100.0]) / np.sqrt(2)
     now = made.trajectory.at(at)
@@ -131,7 +143,9 @@ def test_stops_over_the_motion(tmp_path):
     made = plan(DIAGONAL, load_machine("corexy"), order=2)
     found = made.stops(2)
     held = made.hold(float(found.t[-1]))
-    assert (found.time[-1], found.distance[-1]) == pytest.approx((held.duration, held.distance), rel=0.05)
+    assert (found.time[-1], found.distance[-1]) == pytest.approx(
+        (held.duration, held.distance), rel=0.05
+    )
     assert "distance to rest" in str(found)
     found.save(tmp_path / "stops.npz")
     with np.load(tmp_path / "stops.npz") as saved:
@@ -143,7 +157,9 @@ def test_stops_over_the_motion(tmp_path):
 def test_a_short_rapid_is_among_the_stops():
     """Of 0.2 s in ten, between even instants: its own stop is the longest."""
     crawl = Line(to=(0.01, 0.0, 0.0), speed=2e-3)
-    program = Program((crawl, Line(to=(0.045, 0.045, 0.0)), Line(to=(0.045, 0.035, 0.0), speed=2e-3)))
+    program = Program(
+        (crawl, Line(to=(0.045, 0.045, 0.0)), Line(to=(0.045, 0.035, 0.0), speed=2e-3))
+    )
     made = plan(program, load_machine("corexy"), order=2)
     found, peak = made.stops(3), made.trajectory.v.max()
     held = made.hold(float(made.trajectory.knots[np.argmax(made.trajectory.v)]))

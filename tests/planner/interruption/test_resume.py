@@ -1,4 +1,6 @@
-"""The way on at a share of the plan's speed: limits, speed, dwells, the ramp, pulses, and a stop within it."""
+"""The way on at a share of the plan's speed: limits, speed, dwells, the ramp, pulses, and a stop
+within it.
+"""
 
 import numpy as np
 import pytest
@@ -16,7 +18,9 @@ def circle(request, planned):
 
 @pytest.fixture(scope="module", params=[2, 3])
 def straight(request):
-    """By one belt of a CoreXY, which moves √2 times as far: speed 0.3 m/s, acceleration 3 m/s², jerk 100 m/s³."""
+    """By one belt of a CoreXY, which moves √2 times as far: speed 0.3 m/s, acceleration 3 m/s²,
+    jerk 100 m/s³.
+    """
     program = Program((Line(to=(0.045, 0.045, 0)), Dwell(0.2), Line(to=(0, 0, 0))))
     return plan(program, load_machine("corexy"), order=request.param)
 
@@ -53,13 +57,17 @@ def test_the_way_on_takes_up_the_share_of_the_plans_speed(circle, at, share):
     places = np.linspace((slow.since + slow.until) / 2, slow.until - 1e-4, 50)
     speeds = rates_at(slow.trajectory, slow.since, places)
     assert speeds == pytest.approx(share * rates_at(circle.trajectory, 0.0, places), rel=1e-4)
-    for axis, sent, whole in zip(slow.pulses.axes, held.pulses.axes, circle.pulses.axes, strict=True):
+    for axis, sent, whole in zip(
+        slow.pulses.axes, held.pulses.axes, circle.pulses.axes, strict=True
+    ):
         assert (axis.start, axis.final) == (sent.final, whole.final)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.1])
 def test_the_ramp_along_a_line_takes_what_its_limits_ask_for(straight, share):
-    """From rest to a speed V within A, and within J: V/A, and A/J more; 2 √(V/J) where the jerk does not reach A."""
+    """From rest to a speed V within A, and within J: V/A, and A/J more; 2 √(V/J) where the jerk
+    does not reach A.
+    """
     top, hard, jerk = np.array([0.3, 3.0, 100.0]) / np.sqrt(2)
     assert straight.trajectory.at(0.2).sd[0] == pytest.approx(top, rel=1e-6)  # in its cruise
     # from rest a third of the way along the first line, which is passed at that speed
@@ -96,7 +104,9 @@ def test_dwells_last_as_long_as_before(straight):
     stop = straight.hold(begins + 0.05)
     after = straight.resume(stop, 0.5)
     assert stop.duration == 0
-    assert after.duration == pytest.approx(ends - begins + 2 * (straight.trajectory.duration - ends), rel=1e-9)
+    assert after.duration == pytest.approx(
+        ends - begins + 2 * (straight.trajectory.duration - ends), rel=1e-9
+    )
 
 
 def test_a_plan_of_a_stated_duration_is_resumed_at_its_own_speed():
@@ -104,7 +114,10 @@ def test_a_plan_of_a_stated_duration_is_resumed_at_its_own_speed():
     held = made.hold(1.4)
     rest = made.resume(held)
     places = np.linspace(held.until + 0.02, 0.09, 50)
-    own, whole = rates_at(rest.trajectory, rest.since, places), rates_at(made.trajectory, 0.0, places)
+    own, whole = (
+        rates_at(rest.trajectory, rest.since, places),
+        rates_at(made.trajectory, 0.0, places),
+    )
     assert rest.certificate.holds
     assert own == pytest.approx(whole, rel=1e-4)
     slow = made.resume(held, 0.5)
@@ -115,7 +128,9 @@ def test_a_plan_of_a_stated_duration_is_resumed_at_its_own_speed():
 
 @pytest.mark.parametrize(("straight", "share"), [(2, None), (3, 0.3)], indirect=["straight"])
 def test_the_way_on_can_be_held_and_resumed_again(straight, share):
-    """Each continues the motion and the pulses of the one before it, and the last ends where the plan does."""
+    """Each continues the motion and the pulses of the one before it, and the last ends where the
+    plan does.
+    """
     on = straight.resume(straight.hold(0.15), share)
     held = straight.hold(0.1, on)
     last = straight.resume(held, share)
@@ -156,14 +171,20 @@ def test_pulses_go_on_with_those_of_the_stop_by_every_rule():
         stop = made.hold(at)
         if stop.until < float(made.path.breaks[-1]):
             rest = made.resume(stop)
-            for own, sent, whole in zip(rest.pulses.axes, stop.pulses.axes, made.pulses.axes, strict=True):
+            for own, sent, whole in zip(
+                rest.pulses.axes, stop.pulses.axes, made.pulses.axes, strict=True
+            ):
                 assert (own.start, own.final) == (sent.final, whole.final)
 
 
 @pytest.mark.parametrize(("order", "away"), [(2, 1e-7), (2, 1e-5), (3, 1e-7)])
 def test_beside_a_rest_the_way_on_is_as_elsewhere(order, away):
-    """After the start, a corner and a dwell, and before them: distances of less than an atom are no ramps."""
-    program = Program((Line((0.01, 0.005, 0.002)), Line((0.012, 0, 0)), Dwell(0.1), Line((0, 0, 0))))
+    """After the start, a corner and a dwell, and before them: distances of less than an atom are no
+    ramps.
+    """
+    program = Program(
+        (Line((0.01, 0.005, 0.002)), Line((0.012, 0, 0)), Dwell(0.1), Line((0, 0, 0)))
+    )
     made = plan(program, load_machine("corexy"), order=order)
     rests = np.unique(made.trajectory.s[made.trajectory.v == 0])
     for place in np.concatenate([rests + away, rests[rests > 0] - away]).tolist():
@@ -172,7 +193,9 @@ def test_beside_a_rest_the_way_on_is_as_elsewhere(order, away):
                 slow = made.resume(place, share)
             assert slow.certificate.holds
             assert slow.until == pytest.approx(float(made.path.breaks[-1]), abs=1e-15)
-            there = made.path.derivatives(np.array([place]), np.array([slow_piece(made, place)]), 0)[0]
+            there = made.path.derivatives(
+                np.array([place]), np.array([slow_piece(made, place)]), 0
+            )[0]
             assert slow.trajectory.at(0.0).q == pytest.approx(there, abs=1e-13)
 
 

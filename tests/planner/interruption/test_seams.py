@@ -27,16 +27,22 @@ CORNERS = ((0.045, 0.03), (0.02, 0.045), (0.01, 0.01), (0.03, 0.0), (0.0, 0.0))
 
 
 def list_programs():
-    """Blended lines on a CoreXY, and lines with rests on one that compensates its play and its screws."""
+    """Blended lines on a CoreXY, and lines with rests on one that compensates its play and its
+    screws.
+    """
     corners = [np.array([*corner, 0.0]) for corner in CORNERS]
     lines = [Line(to=corner, join=Blend(5e-4)) for corner in corners[:-1]]
     yield Program((*lines, Line(to=corners[-1]))), load_machine("corexy")
     worn = load_machine("corexy")
     screw = ((0.0, 0.0), (0.02, 1e-5), (0.04, -1e-5), (0.09, 2e-5))
     worn.axes = tuple(
-        replace(axis, backlash=2e-5, lead_error=screw, compensate=("lead", "backlash")) for axis in worn.axes
+        replace(axis, backlash=2e-5, lead_error=screw, compensate=("lead", "backlash"))
+        for axis in worn.axes
     )
-    yield Program(tuple(part for corner in corners for part in (Line(to=corner), Dwell(0.05)))), worn
+    yield (
+        Program(tuple(part for corner in corners for part in (Line(to=corner), Dwell(0.05)))),
+        worn,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +56,9 @@ def cases():
 
 
 def join(*runs):
-    """Join runs (counted motion, its pulses, s until which it runs): the pulses sent, and the motion, as one."""
+    """Join runs (counted motion, its pulses, s until which it runs): the pulses sent, and the
+    motion, as one.
+    """
     clock = runs[0][1].clock_hz
     axes = []
     for k, first in enumerate(runs[0][1].axes):
@@ -61,12 +69,23 @@ def join(*runs):
             ticks.append(pulses.axes[k].ticks[sent] + begin)
             directions.append(pulses.axes[k].direction[sent])
             begin += end if end < np.iinfo(np.int64).max else 0
-        moves = [[move.error for move in pulses.moves if move.axis == first.name] for _, pulses, _ in runs]
+        moves = [
+            [move.error for move in pulses.moves if move.axis == first.name]
+            for _, pulses, _ in runs
+        ]
         least = min(
-            pulses.axes[k].bound - max(errors, default=0.0) for (_, pulses, _), errors in zip(runs, moves, strict=True)
+            pulses.axes[k].bound - max(errors, default=0.0)
+            for (_, pulses, _), errors in zip(runs, moves, strict=True)
         )
         bound = least + max((error for errors in moves for error in errors), default=0.0)
-        axes.append(replace(first, ticks=np.concatenate(ticks), direction=np.concatenate(directions), bound=bound))
+        axes.append(
+            replace(
+                first,
+                ticks=np.concatenate(ticks),
+                direction=np.concatenate(directions),
+                bound=bound,
+            )
+        )
     motion = JoinedMotion.of(*(MotionSpan(motion, 0.0, until) for motion, _, until in runs))
     every = [move for _, pulses, _ in runs for move in pulses.moves]
     merged = []
@@ -75,24 +94,36 @@ def join(*runs):
         worst = max(own, key=lambda move: move.error)
         longest = max(move.time for move in own)
         merged.append(replace(worst, pulses=sum(move.pulses for move in own), time=longest))
-    return PulseSchedule(clock, tuple(axes), motion.duration, runs[0][1].rule, tuple(merged)), motion
+    return PulseSchedule(
+        clock, tuple(axes), motion.duration, runs[0][1].rule, tuple(merged)
+    ), motion
 
 
 def find_faults(made, section, *before):
     """Faults of the pulses sent before a section and its own, checked as those of one motion."""
     pulses, machine = section.pulses, made.machine
     tick = round(before[-1][2] * pulses.clock_hz)
-    if [axis.start for axis in pulses.axes] != [int(axis.counts([tick - 1])[0]) for axis in before[-1][1].axes]:
+    if [axis.start for axis in pulses.axes] != [
+        int(axis.counts([tick - 1])[0]) for axis in before[-1][1].axes
+    ]:
         return ["it does not start at the counts that were sent"]
     joined, motion = join(*before, (section.counted, pulses, section.duration))
-    faults = [fault for axis in check(joined, motion, machine.axes, machine.home_q).axes for fault in axis.faults]
-    if pulses.rule.startswith("sampled"):  # its sections begin anew, so that spacing alone can be compared
+    faults = [
+        fault
+        for axis in check(joined, motion, machine.axes, machine.home_q).axes
+        for fault in axis.faults
+    ]
+    if pulses.rule.startswith(
+        "sampled"
+    ):  # its sections begin anew, so that spacing alone can be compared
         faults = [fault for fault in faults if "spacing" in fault.what or "set-up" in fault.what]
     return [f"{fault.axis} at tick {fault.tick}: {fault.what}" for fault in faults]
 
 
 def hold_soon(made, at, on):
-    """A stop of the way on; some milliseconds later where a motor is in the midst of crossing its play."""
+    """A stop of the way on; some milliseconds later where a motor is in the midst of crossing its
+    play.
+    """
     for later in range(5):
         try:
             return made.hold(at + later * 5e-3, on)
@@ -102,11 +133,17 @@ def hold_soon(made, at, on):
     raise AssertionError("every instant was refused")
 
 
-@pytest.mark.parametrize("rule", ["nearest", "nearest:hysteresis=0.3", "floor", "timer", "sampled:period=10us"])
+@pytest.mark.parametrize(
+    "rule", ["nearest", "nearest:hysteresis=0.3", "floor", "timer", "sampled:period=10us"]
+)
 def test_sections_go_on_with_what_was_sent(cases, rule):
-    """No instant is refused for the set-up of DIR, which stands right, nor for play that was taken up before."""
+    """No instant is refused for the set-up of DIR, which stands right, nor for play that was taken
+    up before.
+    """
     for number, case in enumerate(cases):
-        pulses = generate(case.counted, case.machine.axes, case.machine.home_q, case.pulses.clock_hz, rule)
+        pulses = generate(
+            case.counted, case.machine.axes, case.machine.home_q, case.pulses.clock_hz, rule
+        )
         made = replace(case, source=replace(case.source, schedule=pulses))
         rng = np.random.default_rng(number)
         for t in np.round(rng.uniform(0, made.duration, 3) / PERIOD) * PERIOD:
@@ -119,7 +156,9 @@ def test_sections_go_on_with_what_was_sent(cases, rule):
             second = (stop.counted, stop.pulses, end)
             on = made.resume(stop, 0.7)
             assert not find_faults(made, on, first, second)
-            if rule.startswith("sampled"):  # its counts at the instant are no beginning for another section
+            if rule.startswith(
+                "sampled"
+            ):  # its counts at the instant are no beginning for another section
                 continue
             later = round(0.4 * on.duration / PERIOD) * PERIOD
             again = hold_soon(made, later, on)
@@ -140,7 +179,8 @@ def test_the_check_of_joined_pulses_sees_what_is_wrong(cases):
 
     left_out = change(ticks=axis.ticks[1:], direction=axis.direction[1:])
     twice = change(
-        ticks=np.insert(axis.ticks, 1, axis.ticks[0] + 1), direction=np.insert(axis.direction, 1, axis.direction[0])
+        ticks=np.insert(axis.ticks, 1, axis.ticks[0] + 1),
+        direction=np.insert(axis.direction, 1, axis.direction[0]),
     )
     other = change(start=axis.start + 1)
     turned = change(direction=np.concatenate([-axis.direction[:1], axis.direction[1:]]))
@@ -197,8 +237,18 @@ def test_a_pulse_moved_across_the_first_tick_is_sent_once():
     assert (early.start, early.ticks.tolist(), early.final) == (8, [90], AXIS.final)
     assert early.bound == pytest.approx(0.6)
     late = go_on(0, replace(AXIS, ticks=[90, 180], start=8), 7, GAPS, still)  # it is due at once
-    assert (late.ticks.tolist(), late.direction.tolist(), late.final) == ([0, 90, 180], [1, 1, 1], 10)
-    away = go_on(0, replace(AXIS, ticks=[90, 180]), 8, GAPS, still)  # it is not due soon: taken back
-    assert (away.ticks.tolist(), away.direction.tolist(), away.final) == ([0, 90, 180], [-1, 1, 1], 9)
+    assert (late.ticks.tolist(), late.direction.tolist(), late.final) == (
+        [0, 90, 180],
+        [1, 1, 1],
+        10,
+    )
+    away = go_on(
+        0, replace(AXIS, ticks=[90, 180]), 8, GAPS, still
+    )  # it is not due soon: taken back
+    assert (away.ticks.tolist(), away.direction.tolist(), away.final) == (
+        [0, 90, 180],
+        [-1, 1, 1],
+        9,
+    )
     with pytest.raises(MotionError, match="another instant"):
         go_on(0, AXIS, 9, GAPS, still)

@@ -1,4 +1,6 @@
-"""Triggers of a plan that is stopped and gone on with: each fires once, where the program has it."""
+"""Triggers of a plan that is stopped and gone on with: each fires once, where the program has
+it.
+"""
 
 from dataclasses import replace
 
@@ -29,7 +31,9 @@ def marked(request):
 
 
 def check_section(made, section):
-    """Each trigger at its place, which the section's own motion passes then, with the counts of its pulses."""
+    """Each trigger at its place, which the section's own motion passes then, with the counts of its
+    pulses.
+    """
     for event in section.triggers:
         assert 0 <= event.time <= section.duration + 1e-9
         assert event.counts.tolist() == section.pulses.counts(event.time)[0].tolist()
@@ -70,7 +74,10 @@ def test_all_of_a_slowed_plan_and_those_behind_a_place(marked):
     assert [event.name for event in slower.triggers] == ["a", "b", "c", "d"]
     check_section(marked, slower)
     third = next(event for event in marked.triggers if event.name == "c")
-    assert [event.name for event in marked.resume(third.where.s).triggers] == ["c", "d"]  # behind its dwell
+    assert [event.name for event in marked.resume(third.where.s).triggers] == [
+        "c",
+        "d",
+    ]  # behind its dwell
     assert [event.name for event in marked.resume(third.where.s + 1e-3).triggers] == ["d"]
     assert [event.name for event in marked.resume(third.where.s - 1e-3).triggers] == ["c", "d"]
 
@@ -80,7 +87,9 @@ def test_a_stop_delays_what_comes_behind_it(marked):
     start = next(event for event in marked.triggers if event.name == "d").time
     held = marked.hold(start - 0.3)  # on the way there, long before it would rest
     planned = {event.name: event.time for event in marked.triggers}
-    again = {event.name: held.at + held.duration + event.time for event in marked.resume(held).triggers}
+    again = {
+        event.name: held.at + held.duration + event.time for event in marked.resume(held).triggers
+    }
     assert again
     late = np.array([again[name] - planned[name] for name in again])
     assert (late > 0.05).all()

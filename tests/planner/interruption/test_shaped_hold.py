@@ -16,11 +16,17 @@ from planner.pulses import check
 INSTANTS = 20_001
 
 
-CORNERS = (Line(to=(0.03, 0.01, 0)), Line(to=(0.03, 0.04, 0), join=Blend(5e-4)), Line(to=(0.0, 0.02, 0.01)))
+CORNERS = (
+    Line(to=(0.03, 0.01, 0)),
+    Line(to=(0.03, 0.04, 0), join=Blend(5e-4)),
+    Line(to=(0.0, 0.02, 0.01)),
+)
 
 
 def plan_circle():
-    """A circle on the legs of the hexapod, no axis of which moves evenly; whose forces are not proved."""
+    """A circle on the legs of the hexapod, no axis of which moves evenly; whose forces are not
+    proved.
+    """
     return load_program("bare-circle"), load_machine("hexapod").carrying(Load()), 3, "zvd"
 
 
@@ -32,7 +38,9 @@ def plan_corners():
 @pytest.fixture(scope="module", params=[plan_circle, plan_corners], ids=["circle", "corners"])
 def shaped(request):
     program, machine, order, kind = request.param()
-    machine = machine.driven_by([replace(axis, shaper=Shaper(kind, 25.0, 0.05)) for axis in machine.axes])
+    machine = machine.driven_by(
+        [replace(axis, shaper=Shaper(kind, 25.0, 0.05)) for axis in machine.axes]
+    )
     return plan(program, machine, order=order)
 
 
@@ -43,7 +51,9 @@ def stop_at(shaped):
 
 
 def convolve(shaped, held, t):
-    """q (N, n) after the hold: a copy is on the plan up to its own instant of the hold, and on the stop after it."""
+    """q (N, n) after the hold: a copy is on the plan up to its own instant of the hold, and on the
+    stop after it.
+    """
     impulses = shaped.machine.axes[0].shaper.impulses
     q = 0.0
     for amplitude, delay in zip(*impulses, strict=True):
@@ -72,30 +82,41 @@ def test_a_stop_is_proved_behind_shapers_and_goes_on_with_the_pulses(shaped, sto
         held = stop_at(at)
         assert held.certificate.holds
         assert held.shaped.holds
-        assert held.duration == pytest.approx(held.trajectory.duration + shaped.shaped.motion.copies.length)
+        assert held.duration == pytest.approx(
+            held.trajectory.duration + shaped.shaped.motion.copies.length
+        )
         t = np.linspace(0, held.duration, INSTANTS)
         q = convolve(shaped, held, t)
         np.testing.assert_allclose(held.counted.at(t).q, q, rtol=0, atol=1e-12)
-        # limits of the axes by differences; where the acceleration jumps these are off by no more than a mean
+        # limits of the axes by differences; where the acceleration jumps these are off by no more
+        # than a mean
         rate = np.diff(q, axis=0) / t[1]
-        assert (np.abs(rate).max(0) <= np.array([axis.max_speed for axis in axes]) * (1 + 1e-6)).all()
+        assert (
+            np.abs(rate).max(0) <= np.array([axis.max_speed for axis in axes]) * (1 + 1e-6)
+        ).all()
         most = np.array([axis.max_acceleration for axis in axes])
         assert (np.abs(np.diff(rate, axis=0) / t[1]).max(0) <= most * (1 + 1e-4)).all()
         # on the path, but for the deviation that is proved, and at its end exactly
-        poses = shaped.machine.forward(q[::50], shaped.trajectory.at(np.full(len(q[::50]), held.at)).pose).pose
+        poses = shaped.machine.forward(
+            q[::50], shaped.trajectory.at(np.full(len(q[::50]), held.at)).pose
+        ).pose
         late = np.clip(held.at + t[::50] - shaped.shaped.delay, 0, None)
         about = np.where(
             (late < held.at)[:, None],
             shaped.trajectory.at(np.clip(late, 0, held.at)).pose.translation,
             held.trajectory.at(np.clip(late - held.at, 0, None)).pose.translation,
         )
-        assert np.linalg.norm(poses.translation - about, axis=1).max() <= held.shaped.deviation + 1e-9
+        assert (
+            np.linalg.norm(poses.translation - about, axis=1).max() <= held.shaped.deviation + 1e-9
+        )
         # the tool goes as far as is told at most, which counts what the shapers make it late by
         way = np.linalg.norm(np.diff(poses.translation, axis=0), axis=1).sum()
         passed = shaped.trajectory.at(max(held.at - shaped.shaped.motion.copies.length, 0)).along[0]
         assert way <= held.distance
         assert held.distance == pytest.approx(held.until - passed, rel=1e-9)
-        np.testing.assert_allclose(q[-1], held.trajectory.at(held.trajectory.duration).q[0], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(
+            q[-1], held.trajectory.at(held.trajectory.duration).q[0], rtol=0, atol=1e-12
+        )
         verdict = check(held.pulses, held.counted, axes, home)
         assert verdict.holds, verdict
         tick = round(held.at * shaped.pulses.clock_hz)
@@ -104,7 +125,9 @@ def test_a_stop_is_proved_behind_shapers_and_goes_on_with_the_pulses(shaped, sto
 
 
 def test_what_is_proved_of_a_stop_is_of_what_its_copies_do(shaped, stop_at):
-    """Not of the whole plan: the most of each rate from the length of the shapers before the stop up to its rest."""
+    """Not of the whole plan: the most of each rate from the length of the shapers before the stop
+    up to its rest.
+    """
     length = shaped.shaped.motion.copies.length
     for at in instants(shaped)[:2]:
         held = stop_at(at)
@@ -112,7 +135,9 @@ def test_what_is_proved_of_a_stop_is_of_what_its_copies_do(shaped, stop_at):
         after = held.trajectory.at(np.linspace(0, held.trajectory.duration, INSTANTS))
         for name in ("speed", "acceleration"):
             rate, most = {"speed": "qd", "acceleration": "qdd"}[name], f"max_{name}"
-            moved = np.concatenate([np.abs(getattr(state, rate)).max(0) for state in (before, after)]).reshape(2, -1)
+            moved = np.concatenate(
+                [np.abs(getattr(state, rate)).max(0) for state in (before, after)]
+            ).reshape(2, -1)
             seen = (moved.max(0) / [getattr(axis, most) for axis in shaped.machine.axes]).max()
             # as fine as the instants are, and as tight as bounds are made
             assert seen <= held.shaped.worst[name] * (1 + 1e-9)
@@ -130,7 +155,9 @@ def test_the_way_on_is_proved_behind_shapers(shaped, stop_at):
     for made in (shaped.resume(0.0, 0.5), shaped.resume(held, 0.5)):
         assert made.shaped.holds
         assert check(made.pulses, made.counted, axes, home).holds
-        assert made.duration == pytest.approx(made.trajectory.duration + shaped.shaped.motion.copies.length)
+        assert made.duration == pytest.approx(
+            made.trajectory.duration + shaped.shaped.motion.copies.length
+        )
     assert shaped.resume(0.0, 1.0).duration == pytest.approx(shaped.shaped.motion.duration)
 
 
@@ -171,24 +198,33 @@ def test_a_stop_that_is_not_proved_is_refused_and_in_no_table(shaped, monkeypatc
 
 def test_a_stop_goes_to_a_fieldbus_row_by_row(shaped, stop_at, tmp_path):
     held = stop_at(instants(shaped)[1])
-    whole, done = shaped.export("csp", tmp_path / "plan.csv"), held.export("csp", tmp_path / "stop.csv")
-    # half an increment of rounding, and what a chord over a cycle T leaves of the hardest acceleration: a T²/8
+    whole, done = (
+        shaped.export("csp", tmp_path / "plan.csv"),
+        held.export("csp", tmp_path / "stop.csv"),
+    )
+    # half an increment of rounding, and what a chord over a cycle T leaves of the hardest
+    # acceleration: a T²/8
     chord = max(axis.max_acceleration / axis.pulse for axis in shaped.machine.axes) * 1e-6 / 8
     assert max(done.error, whole.error) <= 0.5 + chord + 1e-6
     # rows, second differences and parabolas between them: as those of the plan
     figures = [
-        [float(x) for x in re.findall(r"(?:most|within) ([\d.]+)", " ".join(made.notes))] for made in (whole, done)
+        [float(x) for x in re.findall(r"(?:most|within) ([\d.]+)", " ".join(made.notes))]
+        for made in (whole, done)
     ]
     assert len(figures[0]) == len(figures[1]) >= 4
     assert (np.array(figures[1]) <= np.array(figures[0]) + 1).all()
-    with pytest.raises(Exception, match=r"starts at .* but Zaber PVT starts and ends at rest; .*csp"):
+    with pytest.raises(
+        Exception, match=r"starts at .* but Zaber PVT starts and ends at rest; .*csp"
+    ):
         held.export("zaber", tmp_path / "stop.txt")
     with pytest.raises(Exception, match="but G-code in inverse time starts and ends at rest"):
         held.export("g93", tmp_path / "stop.ngc")
 
 
 def test_copies_that_still_move_run_out(shaped):
-    """In what is a rest of the motion before the shapers, and behind its end: until every copy rests."""
+    """In what is a rest of the motion before the shapers, and behind its end: until every copy
+    rests.
+    """
     motion, copies = shaped.trajectory, shaped.shaped.motion.copies
     for at in (motion.duration - 1e-3, motion.duration + 0.4 * copies.length):
         held = shaped.hold(at)
@@ -207,7 +243,9 @@ def test_copies_that_still_move_run_out(shaped):
 
 
 def test_behind_a_short_move_and_a_dwell_copies_run_out():
-    """The path that copies are on begins at rest, and ends where the program dwells: that dwell is not of the stop."""
+    """The path that copies are on begins at rest, and ends where the program dwells: that dwell is
+    not of the stop.
+    """
     machine = load_machine("corexy")
     machine = machine.driven_by([axis.add_shaper(Shaper("zvd", 20.0)) for axis in machine.axes])
     program = Program((Line(to=(0.0006, 0.0005, 0)), Dwell(0.3), Line(to=(0.03, 0.01, 0))))

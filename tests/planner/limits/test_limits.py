@@ -15,7 +15,15 @@ from planner.limits.force import Force, Holding, TorqueSpeed
 from planner.limits.geometric import Clearance, Room, Tilt, Travel
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, tabulate_axis_bounds
 from planner.limits.resonance import Resonance
-from planner.limits.tool import FACETS, AngularSpeed, ToolAcceleration, ToolJerk, ToolLimit, ToolSpeed, _sphere_normals
+from planner.limits.tool import (
+    FACETS,
+    AngularSpeed,
+    ToolAcceleration,
+    ToolJerk,
+    ToolLimit,
+    ToolSpeed,
+    _sphere_normals,
+)
 from planner.path.actuation import actuate, make_points
 from planner.path.polynomial import PolynomialPath
 from planner.pulses import pace_axes
@@ -99,7 +107,12 @@ def machine(hexapod):
 def path(machine):
     program = Program(
         [
-            Line([0.01, 0, 0.02], Rotation.from_euler("XYZ", [3, -4, 5], degrees=True), speed=0.03, angular_speed=0.2),
+            Line(
+                [0.01, 0, 0.02],
+                Rotation.from_euler("XYZ", [3, -4, 5], degrees=True),
+                speed=0.03,
+                angular_speed=0.2,
+            ),
             Arc([0, 0, 0.02], [0, 0, 1], -8.0, speed=0.015, acceleration=0.02),
             Turn(Rotation.identity()),
         ],
@@ -122,12 +135,18 @@ def limit(request, limits):
     return limits[request.param]
 
 
-@pytest.fixture(scope="module", params=[kind for kind in ZOO if ZOO[kind].row], ids=lambda kind: kind.__name__)
+@pytest.fixture(
+    scope="module", params=[kind for kind in ZOO if ZOO[kind].row], ids=lambda kind: kind.__name__
+)
 def timing_limit(request, limits):
     return limits[request.param]
 
 
-@pytest.fixture(scope="module", params=[kind for kind in ZOO if kind not in BY_LINES], ids=lambda kind: kind.__name__)
+@pytest.fixture(
+    scope="module",
+    params=[kind for kind in ZOO if kind not in BY_LINES],
+    ids=lambda kind: kind.__name__,
+)
 def even_limit(request, limits):
     return limits[request.param]
 
@@ -156,7 +175,12 @@ class Moving:
 
     def slowed(self, k):
         return moving(
-            self.trajectory.path, self.trajectory.s, self.trajectory.piece, self.v / k, self.a / k**2, self.j / k**3
+            self.trajectory.path,
+            self.trajectory.s,
+            self.trajectory.piece,
+            self.v / k,
+            self.a / k**2,
+            self.j / k**3,
         )
 
 
@@ -169,7 +193,14 @@ def motion(path):
     rng = np.random.default_rng(11)
     piece = rng.integers(0, 3, COUNT)
     s = path.breaks[piece] + rng.random(COUNT) * np.diff(path.breaks)[piece]
-    return moving(path, s, piece, rng.uniform(0, 0.1, COUNT), rng.normal(0, 1, COUNT), rng.normal(0, 20, COUNT))
+    return moving(
+        path,
+        s,
+        piece,
+        rng.uniform(0, 0.1, COUNT),
+        rng.normal(0, 1, COUNT),
+        rng.normal(0, 20, COUNT),
+    )
 
 
 def term_values(motion):
@@ -185,7 +216,9 @@ def row_sum(limit, motion):
     rows = limit.rows(make_points(trajectory.path, trajectory.s, trajectory.piece))
     assert set(rows.coefficients) == limit.terms
     values = term_values(motion)
-    return sum(rows.coefficients[term] * values[term][:, None] for term in rows.coefficients), rows.bound
+    return sum(
+        rows.coefficients[term] * values[term][:, None] for term in rows.coefficients
+    ), rows.bound
 
 
 def test_rows_sum_to_the_value_that_the_certificate_bounds(timing_limit, motion):
@@ -213,7 +246,9 @@ def test_rows_sum_to_the_value_that_the_certificate_bounds(timing_limit, motion)
 def test_use_is_one_exactly_at_the_bound(even_limit):
     limit, piece = even_limit, np.array([0, 1])
     full = ZOO[type(limit)].full(limit, piece)
-    assert np.abs(limit.use(full, full, piece) - 1).max() <= 2**-51  # a root or an arc cosine may round
+    assert (
+        np.abs(limit.use(full, full, piece) - 1).max() <= 2**-51
+    )  # a root or an arc cosine may round
     for share in (0.5, 0.999, 1.001, 1.4):
         part = full * share
         if isinstance(limit, Tilt):
@@ -221,7 +256,9 @@ def test_use_is_one_exactly_at_the_bound(even_limit):
         elif isinstance(limit, Clearance):
             part = full / share
         use = limit.use(part, part, piece)
-        assert use == pytest.approx(np.sqrt(share) if isinstance(limit, ToolLimit) else share, rel=1e-12)
+        assert use == pytest.approx(
+            np.sqrt(share) if isinstance(limit, ToolLimit) else share, rel=1e-12
+        )
 
 
 def test_use_of_a_range_is_its_worst_value_s(even_limit, motion):
@@ -237,7 +274,9 @@ def test_use_of_a_range_is_its_worst_value_s(even_limit, motion):
 
 @pytest.mark.parametrize("excess", [1.0, 1 + 1e-6, 1.3, 40.0])
 def test_slowness_brings_a_motion_to_the_limit(falling_limit, motion, excess):
-    """Slowed k times, each term falls by its own power of k; a motion that used `excess` then uses 1."""
+    """Slowed k times, each term falls by its own power of k; a motion that used `excess` then uses
+    1.
+    """
 
     def used(motion):
         value = falling_limit.value(motion.state)
@@ -251,7 +290,9 @@ def test_slowness_brings_a_motion_to_the_limit(falling_limit, motion, excess):
 
 
 def test_scaled_bounds_are_used_by_as_much_less(limit, motion):
-    """In the certificate and in the rows; a curve's line, a band and what no timing changes are not scaled."""
+    """In the certificate and in the rows; a curve's line, a band and what no timing changes are not
+    scaled.
+    """
     if limit.geometric or isinstance(limit, (TorqueSpeed, Resonance)):
         with pytest.raises(MotionError, match=limit.name):
             limit.scale(2.0, 0)
@@ -264,7 +305,9 @@ def test_scaled_bounds_are_used_by_as_much_less(limit, motion):
         factor[channel if channel is not None else slice(None)] = 2.0
         assert twice.use(value, value, piece) == pytest.approx(before / factor, rel=1e-14)
         rows = row_sum(twice, motion)[1]
-        assert rows == pytest.approx(of_rows * (2.0 if isinstance(limit, ToolLimit) else factor), rel=1e-14)
+        assert rows == pytest.approx(
+            of_rows * (2.0 if isinstance(limit, ToolLimit) else factor), rel=1e-14
+        )
     assert limit.use(value, value, piece) == pytest.approx(before, rel=0)
 
 
@@ -279,13 +322,22 @@ def test_geometric_limits_put_no_rows(limits, path, motion):
         with pytest.raises(MotionError, match=f"{limits[kind].name} is geometric"):
             limits[kind].rows(make_points(path, path.breaks[:1], np.zeros(1, int)))
         assert limits[kind].slowness(7.0) == 1.0
-    problem = pose_problem(path, list(limits.values()), np.linspace(0, path.breaks[1], 11), np.zeros(10, int))
+    problem = pose_problem(
+        path, list(limits.values()), np.linspace(0, path.breaks[1], 11), np.zeros(10, int)
+    )
     timed = {limit.name for limit in limits.values() if not limit.geometric}
-    assert {block.name for block in problem.blocks} == timed - {"force"}  # which nothing here can use half of
+    assert {block.name for block in problem.blocks} == timed - {
+        "force"
+    }  # which nothing here can use half of
 
 
 def test_channels_bounds_and_units_belong_together(limit, motion):
-    assert len(limit.channels) == len(limit.bounds) == len(limit.units) == limit.value(motion.state).shape[1]
+    assert (
+        len(limit.channels)
+        == len(limit.bounds)
+        == len(limit.units)
+        == limit.value(motion.state).shape[1]
+    )
     for channel, (unit, scale) in enumerate(limit.units):
         said, allowed = limit.report_value(
             float(ZOO[type(limit)].full(limit, np.zeros(1, int))[0, channel]), channel, 0
@@ -298,21 +350,35 @@ def test_channels_bounds_and_units_belong_together(limit, motion):
 def test_travel_is_told_as_the_stroke_from_home(limits, hexapod):
     travel = limits[Travel]
     q = hexapod.home_q + 0.06
-    assert travel.report_value(float((q - travel.middle)[2]), 2, 0) == pytest.approx((0.06, 0.0508), rel=1e-12)
+    assert travel.report_value(float((q - travel.middle)[2]), 2, 0) == pytest.approx(
+        (0.06, 0.0508), rel=1e-12
+    )
     q = hexapod.home_q - 0.004
-    assert travel.report_value(float((q - travel.middle)[2]), 2, 0) == pytest.approx((-0.004, 0.0), abs=1e-15)
+    assert travel.report_value(float((q - travel.middle)[2]), 2, 0) == pytest.approx(
+        (-0.004, 0.0), abs=1e-15
+    )
 
 
 def test_tilt_is_the_angle_of_leg_and_rest_axis(limits, motion, hexapod):
-    """Against angles from joint positions: between leg and base z, and between leg and platform z."""
+    """Against angles from joint positions: between leg and base z, and between leg and platform
+    z.
+    """
     pose = motion.state.pose
     rotation = pose.rotation.as_matrix()
-    legs = pose.translation[:, None] + np.einsum("nij,kj->nki", rotation, hexapod.platform) - hexapod.base
-    along = np.stack([np.broadcast_to([0.0, 0, 1], (COUNT, 3)), rotation[:, :, 2]], 1)  # base, platform
+    legs = (
+        pose.translation[:, None]
+        + np.einsum("nij,kj->nki", rotation, hexapod.platform)
+        - hexapod.base
+    )
+    along = np.stack(
+        [np.broadcast_to([0.0, 0, 1], (COUNT, 3)), rotation[:, :, 2]], 1
+    )  # base, platform
     crossed = np.linalg.norm(np.cross(along[:, :, None], legs[:, None]), axis=3)
     angle = np.arctan2(crossed, np.einsum("nej,nkj->nek", along, legs)).reshape(COUNT, 12)
     value = limits[Tilt].value(motion.state)
-    assert limits[Tilt].use(value, value, motion.trajectory.piece) * np.deg2rad(35) == pytest.approx(angle, abs=1e-12)
+    assert limits[Tilt].use(value, value, motion.trajectory.piece) * np.deg2rad(
+        35
+    ) == pytest.approx(angle, abs=1e-12)
 
 
 def test_an_axis_without_a_limit_is_free(path, hexapod):
@@ -341,7 +407,9 @@ def test_limits_that_bind_nothing_are_left_out():
 
 
 def test_tool_and_turning_are_what_poses_do(limits, path):
-    """Against differences of poses along a motion: ‖ṗ‖, ‖p̈‖ and the angle between neighbouring orientations."""
+    """Against differences of poses along a motion: ‖ṗ‖, ‖p̈‖ and the angle between neighbouring
+    orientations.
+    """
     t, v, a, h = np.linspace(0.1, 0.9, 9), 0.011, 0.004, 1e-4
     for piece in range(3):
         run = moving(
@@ -351,9 +419,16 @@ def test_tool_and_turning_are_what_poses_do(limits, path):
         rate = np.linalg.norm(after.pose.translation - before.pose.translation, axis=1) / (2 * h)
         second = after.pose.translation - 2 * now.pose.translation + before.pose.translation
         turned = (before.pose.rotation.inv() * after.pose.rotation).magnitude() / (2 * h)
-        for kind, expected in ((ToolSpeed, rate), (ToolAcceleration, np.linalg.norm(second, axis=1) / h**2)):
-            assert np.sqrt(limits[kind].value(now)[:, 0]) == pytest.approx(expected, rel=1e-5, abs=1e-7)
-        assert np.sqrt(limits[AngularSpeed].value(now)[:, 0]) == pytest.approx(turned, rel=1e-5, abs=1e-7)
+        for kind, expected in (
+            (ToolSpeed, rate),
+            (ToolAcceleration, np.linalg.norm(second, axis=1) / h**2),
+        ):
+            assert np.sqrt(limits[kind].value(now)[:, 0]) == pytest.approx(
+                expected, rel=1e-5, abs=1e-7
+            )
+        assert np.sqrt(limits[AngularSpeed].value(now)[:, 0]) == pytest.approx(
+            turned, rel=1e-5, abs=1e-7
+        )
 
 
 def test_a_tool_speed_is_a_limit_only_where_a_program_caps_it(hexapod):
@@ -367,7 +442,9 @@ def test_a_tool_speed_is_a_limit_only_where_a_program_caps_it(hexapod):
 
 
 def test_what_each_axis_may_do_is_the_least_of_what_bounds_it():
-    """A drive of 3.8 µs a pulse takes one each 4 µs on a clock of 1 MHz: 250 000 pulses of 1 µm are 0.25 m/s."""
+    """A drive of 3.8 µs a pulse takes one each 4 µs on a clock of 1 MHz: 250 000 pulses of 1 µm are
+    0.25 m/s.
+    """
     path = PolynomialPath([0.0, 1.0], np.ones((2, 1, 4)), ["a", "b", "c", "d"])
     axes = [
         Axis("a", max_speed=0.3, max_pulse_rate=1 / 3.8e-6, max_acceleration=2.0, max_jerk=9.0),

@@ -1,4 +1,6 @@
-"""Shares of a limit along the path, against a search over the stretches that they were lowered on."""
+"""Shares of a limit along the path, against a search over the stretches that they were lowered
+on.
+"""
 
 import numpy as np
 import pytest
@@ -52,7 +54,10 @@ def test_no_grid_misses_a_stretch_between_its_points():
 
 def test_rows_allow_the_share_of_the_limit_and_its_use_stays_that_of_the_limit():
     machine = load_machine("traverser")
-    path = actuate(Program((Line([0.02, 0.05, 0]), Arc([0.05, 0.05, 0], [0, 0, 1], np.pi, speed=0.19))), machine)
+    path = actuate(
+        Program((Line([0.02, 0.05, 0]), Arc([0.05, 0.05, 0], [0, 0, 1], np.pi, speed=0.19))),
+        machine,
+    )
     cap = next(limit for limit in limits_of(path, machine.axes, 2) if limit.name == "tool speed")
     middle = float(path.breaks[1:].mean())
     lowered = cap.lower(Shares(np.array([middle, middle + 0.01]), np.array([0.8])))
@@ -61,7 +66,10 @@ def test_rows_allow_the_share_of_the_limit_and_its_use_stays_that_of_the_limit()
     with np.errstate(divide="ignore"):
         fastest = [
             (np.broadcast_to(rows.bound, (400, 1)) / rows.coefficients[Term.SD])[:, 0]
-            for rows in (cap.rows(points), lowered.rows(points).scale(lowered.shares.on_grid(points.s)[:, None]))
+            for rows in (
+                cap.rows(points),
+                lowered.rows(points).scale(lowered.shares.on_grid(points.s)[:, None]),
+            )
         ]
     inside = (s >= middle) & (s <= middle + 0.01)
     assert inside.sum() > 5

@@ -1,4 +1,6 @@
-"""Limits of a caller's own: kept and proved by one call, and by what follows from its plan; no table knows of them."""
+"""Limits of a caller's own: kept and proved by one call, and by what follows from its plan; no
+table knows of them.
+"""
 
 import sys
 from pathlib import Path
@@ -16,7 +18,9 @@ from planner.limits.tool import ToolSpeed
 sys.path.insert(0, str(Path(__file__).parents[3] / "docs" / "examples"))
 from payload_acceleration import CAP, PLACE, PayloadAcceleration
 
-WAY = Program([Line([0.02, 0, 0.02]), Line([0, 0.01, 0.02], rotate=[0.05, 0, 0])], start=[0, 0, 0.02])
+WAY = Program(
+    [Line([0.02, 0, 0.02]), Line([0, 0.01, 0.02], rotate=[0.05, 0, 0])], start=[0, 0, 0.02]
+)
 NAME = PayloadAcceleration.name
 
 
@@ -31,7 +35,9 @@ def held(request, machine):
 
 
 def felt(trajectory):
-    """(N, 3) m/s² of the payload by finite differences of its place, without a line of the limit."""
+    """(N, 3) m/s² of the payload by finite differences of its place, without a line of the
+    limit.
+    """
     t = np.linspace(0, trajectory.duration, 40001)
     return np.diff(trajectory.at(t).pose.apply(PLACE), 2, axis=0) / t[1] ** 2
 
@@ -104,7 +110,9 @@ class Height(Limit):
 
 def test_a_limit_of_the_place_alone_is_refused_with_the_place(machine):
     high = machine.home.translation[2] + 0.02
-    assert plan(WAY, machine, limits=[Height(high + 1e-6)]).certificate.worst["height"] == pytest.approx(1, abs=1e-4)
+    assert plan(WAY, machine, limits=[Height(high + 1e-6)]).certificate.worst[
+        "height"
+    ] == pytest.approx(1, abs=1e-4)
     with pytest.raises(Infeasible, match=r"height .*mm.*segment 1") as no:
         plan(WAY, machine, limits=[Height(high - 1e-3)])
     assert no.value.kind == "height"
@@ -175,14 +183,23 @@ class Crooked(PayloadAcceleration):
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        (PayloadAcceleration, "is no limit: give an instance of planner.limits.Limit, or a function"),
+        (
+            PayloadAcceleration,
+            "is no limit: give an instance of planner.limits.Limit, or a function",
+        ),
         (0.3, "limits: 0.3 is no limit"),
         (lambda machine, path: None, "limits: None is no limit"),
         (Same(), 'there is a limit "speed" already'),
         (Unstated(), 'limits: Unstated "unstated" states no channels'),
-        (Uneven(), r'"uneven": bounds and units must be 3, one for each of its channels \(x, y, z\)'),
+        (
+            Uneven(),
+            r'"uneven": bounds and units must be 3, one for each of its channels \(x, y, z\)',
+        ),
         (lambda path: Same(), "must take two arguments, the machine and the path"),
-        (Flat(), r'limit "flat": its value is of shape \(4,\) at 4 places; expected \(4, 3\), a row for each place'),
+        (
+            Flat(),
+            r'limit "flat": its value is of shape \(4,\) at 4 places; expected \(4, 3\), a row for each place',
+        ),
         (Narrow(), r'limit "narrow": its use is of shape \(4, 2\)'),
         (Crooked(), r'limit "crooked": its coefficient of .* is of shape'),
         (Jerky(), '"jerky" limits jerk, and the motion is of order 2; give order=3'),

@@ -1,4 +1,6 @@
-"""Resonance bands of an axis: kept below, or crossed within a stated time; one axis by hand, two by dense samples."""
+"""Resonance bands of an axis: kept below, or crossed within a stated time; one axis by hand, two by
+dense samples.
+"""
 
 import numpy as np
 import pytest
@@ -20,8 +22,15 @@ LINE = PolynomialPath([0.0, LENGTH], np.array([[[1.0]], [[0.0]]]), ["x"])
 
 
 def solved(order=2, path=LINE, **own):
-    stated = {"max_speed": SPEED, "max_acceleration": PUSH, "max_jerk": 4.0, "resonance": (BAND,)} | own
-    return certified_solve(path, limits_of(path, [Axis(name, **stated) for name in path.names], order), order)
+    stated = {
+        "max_speed": SPEED,
+        "max_acceleration": PUSH,
+        "max_jerk": 4.0,
+        "resonance": (BAND,),
+    } | own
+    return certified_solve(
+        path, limits_of(path, [Axis(name, **stated) for name in path.names], order), order
+    )
 
 
 def sampled(trajectory, low, high, count=200_001):
@@ -30,12 +39,16 @@ def sampled(trajectory, low, high, count=200_001):
     longest = []
     for speed in np.abs(trajectory.at(t).qd).T:
         edges = np.diff(np.concatenate([[0], (speed >= low) & (speed <= high), [0]]))
-        longest.append((np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)).max(initial=0) * t[1])
+        longest.append(
+            (np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)).max(initial=0) * t[1]
+        )
     return np.array(longest), t[1]
 
 
 def test_without_a_time_the_axis_keeps_below_the_band():
-    """T = L/v + v/a with v the band's lower edge, to what the last of 9 intervals of a ramp loses."""
+    """T = L/v + v/a with v the band's lower edge, to what the last of 9 intervals of a ramp
+    loses.
+    """
     moved = solved(max_acceleration=0.01)
     assert moved.certificate.worst["resonance"] == pytest.approx(1.0, abs=1e-6)
     assert moved.trajectory.duration == pytest.approx(LENGTH / BAND[0] + BAND[0] / 0.01, rel=1e-4)
@@ -51,7 +64,9 @@ def test_a_quick_crossing_costs_nothing():
     place = moved.certificate.where[CROSSING]
     assert place.axis == "x"
     # on the way up or down
-    assert min(place.t, moved.trajectory.duration - place.t) == pytest.approx(BAND[0] / PUSH, abs=0.005)
+    assert min(place.t, moved.trajectory.duration - place.t) == pytest.approx(
+        BAND[0] / PUSH, abs=0.005
+    )
 
 
 @pytest.mark.parametrize("order", [2, 3])
@@ -66,7 +81,9 @@ def test_what_cannot_cross_in_time_stays_below(order, own):
 
 
 def test_stays_of_a_known_motion():
-    """x = a t²/2 up to the middle, then down: |q̇| is between two speeds for (high − low)/a each way."""
+    """x = a t²/2 up to the middle, then down: |q̇| is between two speeds for (high − low)/a each
+    way.
+    """
     half = np.sqrt(LENGTH / PUSH)
     top = PUSH * half
     motion = Trajectory(
@@ -99,7 +116,10 @@ def test_no_stay_of_two_axes_is_longer_than_proved(seed, time):
     longest, step = sampled(moved.trajectory, *BAND)
     assert longest.max() <= moved.certificate.worst[CROSSING] * time + 2 * step
     assert moved.certificate.attained[CROSSING].max() * time <= longest.max() + 2 * step
-    assert longest.max() >= moved.certificate.worst[CROSSING] * time - 2.1 * MIN_CELL_SHARE * time - 2 * step
+    assert (
+        longest.max()
+        >= moved.certificate.worst[CROSSING] * time - 2.1 * MIN_CELL_SHARE * time - 2 * step
+    )
     assert moved.trajectory.duration >= free.trajectory.duration * (1 - 1e-9)
     before = sampled(free.trajectory, *BAND)[0].max()
     if before < 0.99 * time:
@@ -111,7 +131,10 @@ def test_what_is_no_band_is_refused():
         with pytest.raises(MotionError, match=r"axis x: resonance .* rising and apart"):
             Axis("x", resonance=bands)
     for bands in (((0.0, 0.003),), ((0.003, np.inf),)):
-        with pytest.raises(MotionError, match=r"axis x: resonance .* must be finite numbers \(N, 2\) in m/s above 0"):
+        with pytest.raises(
+            MotionError,
+            match=r"axis x: resonance .* must be finite numbers \(N, 2\) in m/s above 0",
+        ):
             Axis("x", resonance=bands)
     with pytest.raises(MotionError, match="resonance_time without resonance"):
         Axis("x", resonance_time=0.1)
@@ -121,10 +144,14 @@ def test_what_is_no_band_is_refused():
 
 @pytest.mark.parametrize("seed", [0, 5, 15, 29])
 def test_bands_that_can_be_kept_below_are_never_refused(seed):
-    """Slow enough, every motion is below all bands; some used to be held at the same speed again and again."""
+    """Slow enough, every motion is below all bands; some used to be held at the same speed again
+    and again.
+    """
     rng = np.random.default_rng([seed, 14])
     axes, knots = int(rng.integers(1, 4)), int(rng.integers(2, 7))
-    spline = CubicSpline(np.arange(float(knots)), 0.05 * rng.normal(size=(knots, axes)), bc_type="natural")
+    spline = CubicSpline(
+        np.arange(float(knots)), 0.05 * rng.normal(size=(knots, axes)), bc_type="natural"
+    )
     order = int(rng.choice([2, 3]))
     lows = np.sort(rng.uniform(1e-3, 15e-3, int(rng.integers(1, 3))))
     bands = [(low, low * rng.uniform(1.05, 1.6)) for low in lows]

@@ -1,4 +1,6 @@
-"""What a program caps: acceleration of the tool on a circle, turning on the spot, defaults for every segment."""
+"""What a program caps: acceleration of the tool on a circle, turning on the spot, defaults for
+every segment.
+"""
 
 import numpy as np
 import pytest
@@ -20,12 +22,15 @@ def test_a_circle_under_a_tool_acceleration(hexapod):
     """
     way, cruise = 2.5 * np.pi * RADIUS, np.sqrt(RADIUS * PUSH)
     made = plan(
-        Program([Arc([0, 0, 0.025], [0, 0, 1], 2.5 * np.pi, acceleration=PUSH)], start=BESIDE), hexapod, order=2
+        Program([Arc([0, 0, 0.025], [0, 0, 1], 2.5 * np.pi, acceleration=PUSH)], start=BESIDE),
+        hexapod,
+        order=2,
     )
     ideal = 2 * RADIUS * beta(0.25, 0.5) / (4 * cruise) + (way - np.pi * RADIUS / 2) / cruise
     assert made.certificate.holds
     assert made.certificate.worst["tool acceleration"] == pytest.approx(1.0, abs=1e-6)
-    # at cruise a corner of the facets is met; on the ramps they lose 1 − cos(π/64) of a at most, half of it in time
+    # at cruise a corner of the facets is met; on the ramps they lose 1 − cos(π/64) of a at most,
+    # half of it in time
     assert made.trajectory.v.max() == pytest.approx(cruise, rel=1e-6)
     assert ideal * (1 - 1e-9) <= made.trajectory.duration <= ideal * (1 + 6.1e-4)
     assert str(made.certificate.where["tool acceleration"]).startswith("tool, s = ")
@@ -37,24 +42,42 @@ def test_a_circle_under_a_tool_acceleration(hexapod):
 
 
 def test_a_circle_under_a_tool_acceleration_and_jerk_limits(hexapod):
-    made = plan(Program([Arc([0, 0, 0.025], [0, 0, 1], np.pi, acceleration=PUSH)], start=BESIDE), hexapod, order=3)
-    quicker = plan(Program([Arc([0, 0, 0.025], [0, 0, 1], np.pi, acceleration=PUSH)], start=BESIDE), hexapod, order=2)
+    made = plan(
+        Program([Arc([0, 0, 0.025], [0, 0, 1], np.pi, acceleration=PUSH)], start=BESIDE),
+        hexapod,
+        order=3,
+    )
+    quicker = plan(
+        Program([Arc([0, 0, 0.025], [0, 0, 1], np.pi, acceleration=PUSH)], start=BESIDE),
+        hexapod,
+        order=2,
+    )
     assert made.certificate.holds
     assert made.trajectory.v.max() == pytest.approx(np.sqrt(RADIUS * PUSH), rel=1e-5)
     # legs' jerk of 4 m/s³ builds 0.02 m/s² within 5 ms or so, four times
-    assert quicker.trajectory.duration < made.trajectory.duration < quicker.trajectory.duration + 0.02
+    assert (
+        quicker.trajectory.duration < made.trajectory.duration < quicker.trajectory.duration + 0.02
+    )
 
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_a_turn_on_the_spot(hexapod, order):
     """At a cap far below what the legs could, T ≈ angle / cap: longer by the ramps only."""
     angle, cap = np.deg2rad(8), np.deg2rad(4)
-    made = plan(Program([Turn(Rotation.from_euler("z", angle), angular_speed=cap)], start=BESIDE), hexapod, order=order)
+    made = plan(
+        Program([Turn(Rotation.from_euler("z", angle), angular_speed=cap)], start=BESIDE),
+        hexapod,
+        order=order,
+    )
     assert made.certificate.holds
     assert made.certificate.worst["angular speed"] == pytest.approx(1.0, abs=5e-6)  # as solvers aim
     assert angle / cap < made.trajectory.duration < angle / cap + 0.1
     poses = made.trajectory.at(np.linspace(0, made.trajectory.duration, 20001)).pose
-    turned = (poses[:-1].rotation.inv() * poses[1:].rotation).magnitude() * 20000 / made.trajectory.duration
+    turned = (
+        (poses[:-1].rotation.inv() * poses[1:].rotation).magnitude()
+        * 20000
+        / made.trajectory.duration
+    )
     assert turned.max() == pytest.approx(cap, rel=1e-5)
 
 
@@ -65,7 +88,9 @@ def test_a_program_s_caps_are_the_defaults_of_its_segments(hexapod):
         Dwell(0.1),
         Line([0, 0, 0.01], Rotation.identity(), acceleration=0.5),
     ]
-    pieces = chain_pieces(Program(segments, speed=0.03, acceleration=0.1, angular_speed=0.3), hexapod).pieces
+    pieces = chain_pieces(
+        Program(segments, speed=0.03, acceleration=0.1, angular_speed=0.3), hexapod
+    ).pieces
     caps = [(piece.tool_speed, piece.tool_acceleration, piece.angular_speed) for piece in pieces]
     assert caps == [(0.01, 0.1, 0.3), (None, None, 0.2), (0.03, 0.5, 0.3)]
     pieces = chain_pieces(Program(segments), hexapod).pieces

@@ -49,7 +49,11 @@ def test_the_third_derivative_is_that_of_the_second(made):
 def test_other_orders_are_refused(made, times):
     trajectory = made.trajectory
     cells = Cells(np.array([0]), np.zeros(1), np.diff(trajectory.knots)[:1])
-    for motion in (trajectory.at(0.1), enclose(trajectory, cells, 6), enclose_along_path(trajectory, cells, 3)):
+    for motion in (
+        trajectory.at(0.1),
+        enclose(trajectory, cells, 6),
+        enclose_along_path(trajectory, cells, 3),
+    ):
         for rate in (motion.pose_rate, motion.tool_rate):
             with pytest.raises(MotionError, match=r"of a pose is not supported: give 0, 1, 2 or 3"):
                 rate(times)
@@ -102,7 +106,9 @@ def test_a_line_under_a_tool_jerk_alone():
     """From rest to rest with |p⃛| ≤ j: T = (32 L/j)^⅓, in any direction, by default at order 3."""
     length, jerk = 0.05, 20.0
     direction = np.array([2.0, -1, 2]) / 3
-    program = Program([Line(length * direction)], start=RigidTransform.identity(), max_tool_jerk=jerk)
+    program = Program(
+        [Line(length * direction)], start=RigidTransform.identity(), max_tool_jerk=jerk
+    )
     made = plan(program, quick())
     assert made.order == 3
     assert made.certificate.holds
@@ -122,7 +128,9 @@ def test_on_a_circle_and_a_helix_it_caps_the_speed(rise):
     cruise = np.cbrt(jerk / (bend * np.hypot(bend, twist)))
     assert made.certificate.holds
     speed = np.linalg.norm(made.trajectory.at(made.trajectory.duration / 2).tool_velocity[0])
-    assert speed == pytest.approx(cruise, rel=1e-3 if rise == 0 else 0.01)  # the polyhedron's 2.3 % of jerk
+    assert speed == pytest.approx(
+        cruise, rel=1e-3 if rise == 0 else 0.01
+    )  # the polyhedron's 2.3 % of jerk
 
 
 def test_a_blend_and_a_spline_keep_it():
@@ -148,7 +156,9 @@ def test_an_own_limit_can_use_it():
         name = "own jerk"
 
     program = Program([Line([0.05, 0, 0])], start=RigidTransform.identity())
-    made = plan(program, quick(), order=3, limits=[lambda machine, path: OwnJerk([20.0] * len(path.pieces))])
+    made = plan(
+        program, quick(), order=3, limits=[lambda machine, path: OwnJerk([20.0] * len(path.pieces))]
+    )
     assert made.trajectory.duration == pytest.approx(np.cbrt(32 * 0.05 / 20), rel=0.01)
 
 

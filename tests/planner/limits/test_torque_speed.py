@@ -31,8 +31,15 @@ def given_at(points, v):
 
 
 points = st.lists(
-    st.tuples(st.floats(0.05, 1.0), st.floats(0.0, 50.0)), min_size=2, max_size=6, unique_by=lambda p: round(p[0], 3)
-).map(lambda steps: tuple(zip(np.cumsum([s for s, _ in steps]), [50.0, *[f for _, f in steps[1:]]], strict=True)))
+    st.tuples(st.floats(0.05, 1.0), st.floats(0.0, 50.0)),
+    min_size=2,
+    max_size=6,
+    unique_by=lambda p: round(p[0], 3),
+).map(
+    lambda steps: tuple(
+        zip(np.cumsum([s for s, _ in steps]), [50.0, *[f for _, f in steps[1:]]], strict=True)
+    )
+)
 
 
 @given(points)
@@ -65,17 +72,25 @@ def test_lines_near_a_speed_are_a_floor_that_touches_the_curve_there(points, sha
     v = np.sort(np.append(np.linspace(0, curve.fastest, 301), curve.ends))
     floor = (curve.force - curve.slope * v[:, None])[:, speaks].min(1)
     assert (floor <= shown(curve, v) + 1e-9).all()
-    assert (curve.force - curve.slope * here)[speaks].min() == pytest.approx(float(shown(curve, here)), abs=1e-9)
+    assert (curve.force - curve.slope * here)[speaks].min() == pytest.approx(
+        float(shown(curve, here)), abs=1e-9
+    )
 
 
 @given(points)
 @settings(max_examples=100, deadline=None)
 def test_the_hull_is_the_least_concave_curve_above(points):
-    """Above the curve, concave, and each of its corners is on the curve: one lower would not be above."""
+    """Above the curve, concave, and each of its corners is on the curve: one lower would not be
+    above.
+    """
     curve = PullOutCurve.from_axis(Axis("z", torque_speed=points))
     hull = curve.hull()
     assert (np.diff(hull.slope) > 0).all()
-    assert (hull.ends[0], hull.fastest, hull.holding_force) == (0, curve.fastest, pytest.approx(curve.holding_force))
+    assert (hull.ends[0], hull.fastest, hull.holding_force) == (
+        0,
+        curve.fastest,
+        pytest.approx(curve.holding_force),
+    )
     v = np.union1d(curve.ends, np.linspace(0, curve.fastest, 101))
     above, below = shown(hull, v), shown(curve, v)
     assert (above >= below - 1e-9).all()
@@ -91,12 +106,17 @@ def test_a_concave_curve_is_all_its_lines_everywhere():
 
 
 @pytest.mark.parametrize(
-    ("name", "sign", "order"), [*((name, sign, 2) for name in CURVES for sign in (1, -1)), ("mixed", 1, 3)]
+    ("name", "sign", "order"),
+    [*((name, sign, 2) for name in CURVES for sign in (1, -1)), ("mixed", 1, 3)],
 )
 def test_one_slide_takes_the_least_time(slide, bang_bang, name, sign, order):
-    """v̇ = (±F(v) − mg)/m by quadrature. 1000 intervals cost 1e-3 where the curve is steepest; a jerk of 1e5 as much."""
+    """v̇ = (±F(v) − mg)/m by quadrature.
+
+    1000 intervals cost 1e-3 where the curve is steepest; a jerk of 1e5 as much.
+    """
     speeds, force = np.array(CURVES[name]).T
-    # where the curve ends in nothing, the speed at which it just bears the weight is approached, never reached
+    # where the curve ends in nothing, the speed at which it just bears the weight is approached,
+    # never reached
     top = speeds[-1] if force[-1] > 2 * G else np.interp(-2 * G, -force, speeds) * (1 - 1e-9)
 
     def rate(way):
@@ -107,8 +127,13 @@ def test_one_slide_takes_the_least_time(slide, bang_bang, name, sign, order):
     found = plan(Program([Line([0, 0, sign * 0.3])]), machine, order=order)
     assert found.certificate.holds
     assert least * (1 - 2e-5) <= found.trajectory.duration <= least * (1 + 3e-3)
-    # the estimate takes the least concave curve above: none is lost where the curve is concave itself
-    assert (0.7 if name in ("mixed", "convex") else 1 - 1e-4) * least <= found.lower_estimate <= least * (1 + 1e-5)
+    # the estimate takes the least concave curve above: none is lost where the curve is concave
+    # itself
+    assert (
+        (0.7 if name in ("mixed", "convex") else 1 - 1e-4) * least
+        <= found.lower_estimate
+        <= least * (1 + 1e-5)
+    )
     state = found.trajectory.at(np.linspace(0, found.trajectory.duration, 4001))
     push, speed = np.abs(2 * (state.qdd[:, 2] + G)), np.abs(state.qd[:, 2])
     assert (push <= np.interp(speed * (1 - 1e-6), speeds, force) * (1 + 1e-6) + 1e-4).all()
@@ -116,7 +141,9 @@ def test_one_slide_takes_the_least_time(slide, bang_bang, name, sign, order):
 
 
 def test_six_motors_each_keep_their_curve(hexapod):
-    """Forces by the twist formulation, the curve by interpolation; slower than the same machine without curves."""
+    """Forces by the twist formulation, the curve by interpolation; slower than the same machine
+    without curves.
+    """
     curve = ((0.0, 220.0), (0.01, 200.0), (0.03, 120.0), (0.06, 100.0), (0.1, 95.0))
     quick = {"max_speed": 0.2, "max_acceleration": 2.25, "max_jerk": 400.0}
     turned = Program([Line([0.01, 0, 0.02], Rotation.from_euler("XYZ", [3, -4, 5], degrees=True))])
@@ -136,8 +163,15 @@ def test_six_motors_each_keep_their_curve(hexapod):
 
 @pytest.fixture(scope="module")
 def limit():
-    """One slide's, in the middle of its travel; rising levels are read as falling: 40 N to 0.2 m/s, then to 20 N."""
-    axes = [Axis("X"), Axis("Y"), Axis("Z", torque_speed=((0.0, 40.0), (0.2, 45.0), (0.4, 20.0))), Axis("R", "rotary")]
+    """One slide's, in the middle of its travel; rising levels are read as falling: 40 N to 0.2 m/s,
+    then to 20 N.
+    """
+    axes = [
+        Axis("X"),
+        Axis("Y"),
+        Axis("Z", torque_speed=((0.0, 40.0), (0.2, 45.0), (0.4, 20.0))),
+        Axis("R", "rotary"),
+    ]
     machine = Traverser(axes=axes, home=RigidTransform.identity(), load=Load(Body(1.0)))
     return TorqueSpeed(machine, actuate(Program([Line([0, 0, 0.1])]), machine))
 
@@ -150,15 +184,30 @@ def test_a_scaled_curve_is_used_by_twice_the_speed_and_force_as_it_was_before(li
     twice = limit.scale(2.0)
     for speed in (-0.3, 0.0, 0.1, 0.25, 0.39, 0.5):
         v = np.array([values(limit, speed, force) for force in (-25.0, 0.0, 12.0, 39.0, 50.0)])
-        assert twice.use(2 * v, 2 * v, np.zeros(5, int)) == pytest.approx(limit.use(v, v, np.zeros(5, int)), rel=1e-14)
+        assert twice.use(2 * v, 2 * v, np.zeros(5, int)) == pytest.approx(
+            limit.use(v, v, np.zeros(5, int)), rel=1e-14
+        )
     lone = values(limit, 0.3, 36.0)[None]  # above the curve, and under the one of twice
-    assert limit.use(lone, lone, np.zeros(1, int)).max() > 1 > twice.use(lone, lone, np.zeros(1, int)).max()
+    assert (
+        limit.use(lone, lone, np.zeros(1, int)).max()
+        > 1
+        > twice.use(lone, lone, np.zeros(1, int)).max()
+    )
 
 
 def test_the_share_is_one_on_the_curve_and_tells_how_far_it_is(limit):
-    """Speed and force together, k times as large, use k times as much; at rest that is the force's share alone."""
+    """Speed and force together, k times as large, use k times as much; at rest that is the force's
+    share alone.
+    """
     piece = np.zeros(1, int)
-    for speed, force in ((0.0, 40.0), (0.1, -40.0), (-0.24, 40.0), (0.3, 32.5), (-0.4, -20.0), (0.4, 3.0)):
+    for speed, force in (
+        (0.0, 40.0),
+        (0.1, -40.0),
+        (-0.24, 40.0),
+        (0.3, 32.5),
+        (-0.4, -20.0),
+        (0.4, 3.0),
+    ):
         for k in (1.0, 1 + 1e-6):
             value = values(limit, k * speed, k * force)[None]
             assert limit.use(value, value, piece).max() == pytest.approx(k, rel=1e-12)
@@ -166,7 +215,13 @@ def test_the_share_is_one_on_the_curve_and_tells_how_far_it_is(limit):
     assert limit.use(still, still, piece).max() == pytest.approx(0.25, rel=1e-12)
 
 
-@given(st.floats(-0.5, 0.5), st.floats(0, 0.2), st.floats(-60, 60), st.floats(0, 20), st.lists(st.floats(0, 1)))
+@given(
+    st.floats(-0.5, 0.5),
+    st.floats(0, 0.2),
+    st.floats(-60, 60),
+    st.floats(0, 20),
+    st.lists(st.floats(0, 1)),
+)
 @settings(max_examples=60, deadline=None)
 def test_the_use_of_a_range_is_that_of_all_in_it(limit, speed, wide, force, high, shares):
     corners = [values(limit, speed + a * wide, force + b * high) for a in (0, 1) for b in (0, 1)]
@@ -189,8 +244,13 @@ def test_what_has_no_bound_uses_without_bound(limit):
 
 
 def test_a_motor_that_gives_less_than_the_weight_at_rest_is_told_first(slide):
-    with pytest.raises(Infeasible, match=r"holding force .* is beyond 19 N .*cannot hold itself still there"):
-        plan(Program([Line([0, 0, 0.1])]), slide(2.0, max_force=30.0, torque_speed=((0.1, 19.0), (1.0, 5.0))))
+    with pytest.raises(
+        Infeasible, match=r"holding force .* is beyond 19 N .*cannot hold itself still there"
+    ):
+        plan(
+            Program([Line([0, 0, 0.1])]),
+            slide(2.0, max_force=30.0, torque_speed=((0.1, 19.0), (1.0, 5.0))),
+        )
 
 
 def test_a_motor_without_force_is_refused():

@@ -1,4 +1,6 @@
-"""Orientation left free: the choice keeps the tool's way, the cone and the ends; it makes paths feasible, or fast."""
+"""Orientation left free: the choice keeps the tool's way, the cone and the ends; it makes paths
+feasible, or fast.
+"""
 
 from dataclasses import replace
 
@@ -7,7 +9,20 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod, MotionError, load_machine
-from planner import Arc, Blend, Free, Infeasible, Line, Program, Spline, Through, check, load_program, orient, plan
+from planner import (
+    Arc,
+    Blend,
+    Free,
+    Infeasible,
+    Line,
+    Program,
+    Spline,
+    Through,
+    check,
+    load_program,
+    orient,
+    plan,
+)
 from planner.path.actuation import actuate
 from planner.path.shape import DEGREE
 
@@ -38,7 +53,9 @@ def poses(program, machine, count=301):
 
 
 def held(program):
-    return replace(program, segments=tuple(replace(segment, free=None) for segment in program.segments))
+    return replace(
+        program, segments=tuple(replace(segment, free=None) for segment in program.segments)
+    )
 
 
 def test_a_reach_that_needs_the_turn(reach, fastest, hexapod, limit_search):
@@ -51,7 +68,9 @@ def test_a_reach_that_needs_the_turn(reach, fastest, hexapod, limit_search):
 
 
 def test_only_the_turn_about_the_tool_is_used(reach, chosen, hexapod):
-    """Positions stay, to rounding; the platform turns about z alone, and begins as the program says."""
+    """Positions stay, to rounding; the platform turns about z alone, and begins as the program
+    says.
+    """
     (_, straight, _), (_, turned, rotation) = poses(held(reach), hexapod), poses(chosen, hexapod)
     assert np.abs(straight - turned).max() < 1e-15
     vector = rotation.as_rotvec()
@@ -61,19 +80,27 @@ def test_only_the_turn_about_the_tool_is_used(reach, chosen, hexapod):
 
 
 def test_time_is_what_is_chosen_for(reach, fastest, hexapod):
-    """Faster than what is only feasible, and than what tilts least; and less tilted than either, if that is asked."""
+    """Faster than what is only feasible, and than what tilts least; and less tilted than either, if
+    that is asked.
+    """
     others = {objective: orient(reach, hexapod, objective) for objective in ("feasible", "tilt")}
     took = {name: plan(program, hexapod, order=2) for name, program in others.items()}
     for other in took.values():
         assert fastest.trajectory.duration < 0.95 * other.trajectory.duration
     assert took["tilt"].certificate.worst["tilt"] <= fastest.certificate.worst["tilt"]
-    assert took["tilt"].certificate.worst["tilt"] <= took["feasible"].certificate.worst["tilt"] + 1e-6
+    assert (
+        took["tilt"].certificate.worst["tilt"] <= took["feasible"].certificate.worst["tilt"] + 1e-6
+    )
 
 
 def test_a_cone_is_never_left(hexapod):
-    """The tool's axis leans by at most the cone, at every instant; the tool's point goes where it went."""
+    """The tool's axis leans by at most the cone, at every instant; the tool's point goes where it
+    went.
+    """
     tool = RigidTransform.from_components([0.01, 0, 0.04], Rotation.from_euler("X", 0.1))
-    through = np.array([[0.02, 0.01, 0.03], [0.03, -0.01, 0.028], [0.01, -0.02, 0.03]]) + tool.translation
+    through = (
+        np.array([[0.02, 0.01, 0.03], [0.03, -0.01, 0.028], [0.01, -0.02, 0.03]]) + tool.translation
+    )
     segments = [Spline(through, free=Free(yaw=False, tilt=np.deg2rad(3)))]
     program = Program(segments, tool=tool)
     made = orient(program, hexapod, "tilt")
@@ -83,12 +110,17 @@ def test_a_cone_is_never_left(hexapod):
     lean = np.arccos(np.clip((before.apply(axis) * after.apply(axis)).sum(1), -1, 1))
     assert lean.max() <= np.deg2rad(3) * (1 + 1e-9)
     assert lean.max() > np.deg2rad(1)  # the freedom is used
-    tip = [rotation.apply(tool.translation) + at for rotation, at in ((before, straight), (after, place))]
+    tip = [
+        rotation.apply(tool.translation) + at
+        for rotation, at in ((before, straight), (after, place))
+    ]
     assert np.abs(tip[0] - tip[1]).max() < 1e-15
 
 
 def test_free_segments_give_the_orientation_back(hexapod):
-    """Before a segment that is not free, and at the end of each repetition, it is the program's own."""
+    """Before a segment that is not free, and at the end of each repetition, it is the program's
+    own.
+    """
     out, back = Line([0.03, 0, 0.03], free=Free()), Line([0, 0, 0.03])
     program = Program([out, back], start=RigidTransform.from_translation([0, 0, 0.03]))
     s, _, rotation = poses(orient(program, hexapod, order=2), hexapod)
@@ -96,13 +128,22 @@ def test_free_segments_give_the_orientation_back(hexapod):
     again = Program([out, replace(back, free=Free())], start=program.start, repeat=2)
     made = orient(again, hexapod, order=2)
     assert np.abs(made.segments[1].free.controls[:, DEGREE]).max() < 1e-9
-    assert np.abs(made.segments[0].free.controls[:, DEGREE] - made.segments[1].free.controls[:, 0]).max() < 1e-9
+    assert (
+        np.abs(
+            made.segments[0].free.controls[:, DEGREE] - made.segments[1].free.controls[:, 0]
+        ).max()
+        < 1e-9
+    )
 
 
 def test_what_a_machine_does_not_control_cannot_be_free(reach, hexapod):
-    with pytest.raises(MotionError, match=r"segment 2 leaves free what machine tripod does not control: rz"):
+    with pytest.raises(
+        MotionError, match=r"segment 2 leaves free what machine tripod does not control: rz"
+    ):
         orient(reach, load_machine("tripod"))
-    with pytest.raises(MotionError, match='objective is "fast"; expected "time" or "tilt" or "feasible"'):
+    with pytest.raises(
+        MotionError, match='objective is "fast"; expected "time" or "tilt" or "feasible"'
+    ):
         orient(reach, hexapod, "fast")
 
 
@@ -133,14 +174,20 @@ def test_free_in_a_file(tmp_path):
 
 
 def test_limits_that_differ_by_direction_are_no_hindrance(hexapod):
-    axes = [replace(axis, max_speed=(0.015, 0.02), max_acceleration=(0.2, 0.3)) for axis in hexapod.axes]
-    machine = Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=np.deg2rad(35))
+    axes = [
+        replace(axis, max_speed=(0.015, 0.02), max_acceleration=(0.2, 0.3)) for axis in hexapod.axes
+    ]
+    machine = Hexapod(
+        hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=np.deg2rad(35)
+    )
     made = plan(Program([Line([0, 0, 0.03]), Line([0.01, 0, 0.03], free=Free())]), machine, order=2)
     assert made.certificate.holds
 
 
 def test_what_turns_out_slower_than_as_the_program_says_is_not_taken(hexapod, monkeypatch):
-    """Stretch by stretch: an estimate that wriggles is dropped, one that is faster beside it, after a rest, is kept."""
+    """Stretch by stretch: an estimate that wriggles is dropped, one that is faster beside it, after
+    a rest, is kept.
+    """
     better = plan_turn(hexapod)
 
     def wriggling(machine, parts, joints, objective, start):
@@ -150,7 +197,10 @@ def test_what_turns_out_slower_than_as_the_program_says_is_not_taken(hexapod, mo
 
     monkeypatch.setattr("planner.orientation.orient.solve_controls", wriggling)
     blend = Blend(5e-4)
-    free = [Line([0.006, 0.002, 0.03], free=Free(), join=blend), Line([0.008, 0.004, 0.03], free=Free(), join=blend)]
+    free = [
+        Line([0.006, 0.002, 0.03], free=Free(), join=blend),
+        Line([0.008, 0.004, 0.03], free=Free(), join=blend),
+    ]
     back = [Line([0, 0, 0.03]), Line([0.035, 0.02, 0.03], free=Free())]
     program = Program([*free, *back], start=RigidTransform.from_translation([0, 0, 0.03]))
     made = orient(program, hexapod, order=2)
@@ -164,7 +214,10 @@ def test_what_turns_out_slower_than_as_the_program_says_is_not_taken(hexapod, mo
 
 def plan_turn(machine):
     """What really is faster for one line."""
-    line = Program([Line([0.035, 0.02, 0.03], free=Free())], start=RigidTransform.from_translation([0, 0, 0.03]))
+    line = Program(
+        [Line([0.035, 0.02, 0.03], free=Free())],
+        start=RigidTransform.from_translation([0, 0, 0.03]),
+    )
     return np.array([orient(line, machine, order=2).segments[0].free.controls])
 
 
@@ -181,7 +234,10 @@ def test_through_a_passage_it_turns_smoothly(hexapod):
     assert free.path.stops(2).sum() == 2
     assert free.trajectory.duration < 0.99 * straight.trajectory.duration
     before, after = (segment.free.controls for segment in made.segments)
-    slopes = (before[2, -1] - before[2, -2]) / 0.01, (after[2, 1] - after[2, 0]) / (0.005 * np.pi / 2)
+    slopes = (
+        (before[2, -1] - before[2, -2]) / 0.01,
+        (after[2, 1] - after[2, 0]) / (0.005 * np.pi / 2),
+    )
     assert slopes[0] == pytest.approx(slopes[1], abs=1e-12)
 
 

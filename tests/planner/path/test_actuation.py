@@ -1,4 +1,6 @@
-"""Paths in the actuators: derivatives against independent evaluation, guaranteed enclosures, and where to stop."""
+"""Paths in the actuators: derivatives against independent evaluation, guaranteed enclosures, and
+where to stop.
+"""
 
 from dataclasses import dataclass
 
@@ -23,7 +25,9 @@ HOME = np.array([0, 0, 0.2336362])
 
 @dataclass
 class Move:
-    """A segment, and the same in the base frame by the textbook: position(s) (N, 3) and rotation(s) (N, 3, 3)."""
+    """A segment, and the same in the base frame by the textbook: position(s) (N, 3) and rotation(s)
+    (N, 3, 3).
+    """
 
     segment: object
     length: float
@@ -42,7 +46,12 @@ def moves(rodrigues):
 
     end = np.array([-0.01, 0.012, 0.02])
     way = np.linalg.norm(end - start)
-    line = Move(Line(end, to), way, lambda s: HOME + start + (end - start) * (s / way)[:, None], turning(way))
+    line = Move(
+        Line(end, to),
+        way,
+        lambda s: HOME + start + (end - start) * (s / way)[:, None],
+        turning(way),
+    )
 
     normal = np.array([0, -np.sin(0.35), np.cos(0.35)])
     bow = 0.015 * 7.0
@@ -65,8 +74,9 @@ def path_of(machine, *segments):
 def test_derivatives_of_leg_lengths(hexapod, own_lengths, rodrigues, shape):
     """Against the derivatives of the Chebyshev interpolant of lengths computed without the package.
 
-    Lengths are analytic well beyond ±8 mm about any place, so 25 nodes leave rounding only; the k-th derivative makes
-    of it about (2.2e-16 · 0.25 m) · 25ᵏ/(8 mm)ᵏ. Tolerances are ten times that, or less.
+    Lengths are analytic well beyond ±8 mm about any place, so 25 nodes leave rounding only; the
+    k-th derivative makes of it about (2.2e-16 · 0.25 m) · 25ᵏ/(8 mm)ᵏ. Tolerances are ten times
+    that, or less.
     """
     move = moves(rodrigues)[shape]
     path = path_of(hexapod, move.segment)
@@ -82,8 +92,12 @@ def test_derivatives_of_leg_lengths(hexapod, own_lengths, rodrigues, shape):
 
 
 def test_pieces_of_one_path_keep_their_own_parameters(hexapod, own_lengths):
-    """Shapes are evaluated in batches: every instant must get its own piece's numbers, in its own place."""
-    path = path_of(hexapod, Line([0.0, 0, 0.03]), Arc([0, 0.01, 0.03], [0, 0, 1], 2.0), Line([0, 0, 0.02]))
+    """Shapes are evaluated in batches: every instant must get its own piece's numbers, in its own
+    place.
+    """
+    path = path_of(
+        hexapod, Line([0.0, 0, 0.03]), Arc([0, 0.01, 0.03], [0, 0, 1], 2.0), Line([0, 0, 0.02])
+    )
     rng = np.random.default_rng(4)
     piece = rng.integers(0, 3, 60)
     s = path.breaks[piece] + rng.random(60) * np.diff(path.breaks)[piece]
@@ -128,12 +142,16 @@ def test_one_axis_alone_is_as_among_all(hexapod, highest):
             alone = path.axis_derivatives(axis, s, piece, highest)
             for one, all_ in zip(alone, every, strict=True):
                 assert one.shape == (100, 1)
-                assert np.allclose(one[:, 0], all_[:, axis], rtol=1e-12, atol=1e-12 * abs(all_).max())
+                assert np.allclose(
+                    one[:, 0], all_[:, axis], rtol=1e-12, atol=1e-12 * abs(all_).max()
+                )
 
 
 def test_the_motion_of_one_axis_is_as_among_all(planned):
     trajectory = planned("bare-circle", 3).trajectory
-    t = np.concatenate(([-0.1, trajectory.duration, trajectory.duration + 1], trajectory.knots[1:-1:7]))
+    t = np.concatenate(
+        ([-0.1, trajectory.duration, trajectory.duration + 1], trajectory.knots[1:-1:7])
+    )
     every, axis = trajectory.at(t), 4
     alone = trajectory.axis_at(t, axis)
     for name in ("q", "qd", "qdd", "qddd"):
@@ -143,7 +161,9 @@ def test_the_motion_of_one_axis_is_as_among_all(planned):
 
 
 def test_on_a_break_the_piece_tells_the_side():
-    path = PolynomialPath([0.0, 1.0, 2.0], np.array([[[1.0], [-2.0]], [[0.0], [3.0]], [[5.0], [6.0]]]), ["x"])
+    path = PolynomialPath(
+        [0.0, 1.0, 2.0], np.array([[[1.0], [-2.0]], [[0.0], [3.0]], [[5.0], [6.0]]]), ["x"]
+    )
     at = np.array([1.0, 1.0])
     q, q1, q2, _ = path.derivatives(at, np.array([0, 1]))
     assert q.ravel().tolist() == [6, 6]
@@ -171,7 +191,11 @@ def looked_at(trajectory, points=33):
     """Every time piece at `points` places: state, and its values as (points, pieces, m)."""
     k = np.tile(np.arange(len(trajectory.s)), points)
     share = np.repeat(np.linspace(0, 1, points), len(trajectory.s))
-    return trajectory.within(k, np.diff(trajectory.knots)[k] * share), (points, len(trajectory.s), -1)
+    return trajectory.within(k, np.diff(trajectory.knots)[k] * share), (
+        points,
+        len(trajectory.s),
+        -1,
+    )
 
 
 def whole(trajectory):
@@ -187,9 +211,15 @@ def own_polynomials():
 @pytest.mark.parametrize("kind", ["machine", "polynomials"])
 @pytest.mark.parametrize("order", [4, 6, 9])
 def test_enclosures_contain_the_motion(hexapod, rodrigues, kind, order):
-    """Cells as wide as whole time pieces and short series: what the remainder must make up for is large."""
+    """Cells as wide as whole time pieces and short series: what the remainder must make up for is
+    large.
+    """
     if kind == "machine":
-        path = path_of(hexapod, *(move.segment for move in list(moves(rodrigues).values())[1:2]), Line([0.0, 0, 0.02]))
+        path = path_of(
+            hexapod,
+            *(move.segment for move in list(moves(rodrigues).values())[1:2]),
+            Line([0.0, 0, 0.02]),
+        )
     else:
         path = own_polynomials()
     trajectory = loose_motion(path, np.random.default_rng(7), 40)
@@ -213,17 +243,22 @@ def test_enclosures_contain_the_motion(hexapod, rodrigues, kind, order):
 
 
 def test_enclosures_shrink_with_their_cells(hexapod, rodrigues):
-    """The remainder of a series to τ⁶ falls with the seventh power of a cell's width, for q⃛ with the fourth."""
+    """The remainder of a series to τ⁶ falls with the seventh power of a cell's width, for q⃛ with
+    the fourth.
+    """
     path = path_of(hexapod, moves(rodrigues)["arc"].segment)
     trajectory = loose_motion(path, np.random.default_rng(1), 10)
     overshoot = []
     for cells in (whole(trajectory), whole(trajectory).parts(4)):
         low, high = bound_series(enclose(trajectory, cells, 6).qddd, len(cells.k))
         share = np.linspace(0, 1, 101)[:, None]
-        state = trajectory.within(np.tile(cells.k, 101), (cells.lo + share * (cells.hi - cells.lo)).ravel())
+        state = trajectory.within(
+            np.tile(cells.k, 101), (cells.lo + share * (cells.hi - cells.lo)).ravel()
+        )
         sampled = state.qddd.reshape(101, len(cells.k), -1)
         overshoot.append(max((high - sampled.max(0)).max(), (sampled.min(0) - low).max()))
-    # a quarter of the width: 1/4 of the Bernstein part's parabola squared, far less of the remainder
+    # a quarter of the width: 1/4 of the Bernstein part's parabola squared, far less of the
+    # remainder
     assert overshoot[1] < overshoot[0] / 16
 
 
@@ -244,9 +279,13 @@ def test_a_machine_path_stops_at_every_join(hexapod):
 @pytest.mark.parametrize("unit", [1.0, 1e-9, 1e9])
 @pytest.mark.parametrize("pace", [1.0, 1e-9, 1e9])
 def test_stops_of_polynomials(pieces, order_2, order_3, unit, pace):
-    """At corners, and under jerk limits at jumps of curvature, whatever the units of values and parameter."""
+    """At corners, and under jerk limits at jumps of curvature, whatever the units of values and
+    parameter.
+    """
     powers = pace ** np.arange(-3.0, 1.0)
-    values = np.moveaxis(np.array([pieces, np.zeros((3, 4))]) * powers, 0, -1).transpose(1, 0, 2) * unit
+    values = (
+        np.moveaxis(np.array([pieces, np.zeros((3, 4))]) * powers, 0, -1).transpose(1, 0, 2) * unit
+    )
     path = PolynomialPath(pace * np.arange(4.0), values, ["x", "still"])
     assert path.stops(2).tolist() == [True, order_2, False, True]
     assert path.stops(3).tolist() == [True, order_3, False, True]

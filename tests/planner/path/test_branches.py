@@ -1,4 +1,6 @@
-"""Paths that a pose alone does not tell: turns that add up, elbows that stay, and the main job on every machine."""
+"""Paths that a pose alone does not tell: turns that add up, elbows that stay, and the main job on
+every machine.
+"""
 
 import numpy as np
 import pytest
@@ -45,7 +47,9 @@ def round_the_column(arm, angle, off=0.0):
 
 @pytest.mark.parametrize("turns", [-3.25, 0.5, 7.0])
 def test_an_arc_about_the_yaw_axis_turns_the_yaw_as_often(turns):
-    """The arm's tool goes round its column: the piece is cut, the yaw goes on, and nothing jumps or stops between."""
+    """The arm's tool goes round its column: the piece is cut, the yaw goes on, and nothing jumps or
+    stops between.
+    """
     arm = load_machine("arm")
     path = drawn(arm, round_the_column(arm, 2 * np.pi * turns))
     q = along(path)
@@ -61,7 +65,10 @@ def test_derivatives_and_bounds_agree_across_the_cuts():
     arm = load_machine("arm")
     path = drawn(arm, round_the_column(arm, 14.0, off=0.02))
     inner = np.arange(1, len(path.pieces))
-    left, right = path.derivatives(path.breaks[inner], inner - 1), path.derivatives(path.breaks[inner], inner)
+    left, right = (
+        path.derivatives(path.breaks[inner], inner - 1),
+        path.derivatives(path.breaks[inner], inner),
+    )
     for before, after in zip(left, right, strict=True):
         assert np.abs(before - after).max() <= 1e-9 * np.abs(before).max()
 
@@ -87,15 +94,21 @@ PROGRAMS = {
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_the_main_job(name):
-    """Planned, proved, pulsed and checked; forward kinematics of q is the pose, orientation that follows included."""
+    """Planned, proved, pulsed and checked; forward kinematics of q is the pose, orientation that
+    follows included.
+    """
     machine = load_machine(name)
-    done = plan(Program(segments=tuple(PROGRAMS[name]), start=None, machine=None, name=name), machine)
+    done = plan(
+        Program(segments=tuple(PROGRAMS[name]), start=None, machine=None, name=name), machine
+    )
     assert done.certificate.holds
     assert check(done.pulses, done.trajectory).holds
     state = done.trajectory.at(np.linspace(0, done.trajectory.duration, 200))
     for limit in done.limits:
         value = limit.value(state)
-        assert limit.use(value, value, state.piece).max() <= done.certificate.worst[limit.name] + 1e-12
+        assert (
+            limit.use(value, value, state.piece).max() <= done.certificate.worst[limit.name] + 1e-12
+        )
     assert max(done.certificate.worst.values()) > 0.999
     found = machine.forward(state.q, near=machine.home)
     assert found.certified.all()
@@ -111,7 +124,11 @@ def test_the_main_job(name):
             r"traverser holds rx.*segment 1.*x, y, z, rz",
         ),
         ("linkage", Line(to=[0.01, 0, 0.01]), r"linkage holds z.*segment 1"),
-        ("linkage", Arc(centre=[0.01, 0, 0], normal=[0, 1, 0], angle=2 * np.pi), r"linkage holds z.*segment 1"),
+        (
+            "linkage",
+            Arc(centre=[0.01, 0, 0], normal=[0, 1, 0], angle=2 * np.pi),
+            r"linkage holds z.*segment 1",
+        ),
     ],
 )
 def test_a_path_off_the_machine_s_freedom_is_refused(name, segment, phrase):

@@ -1,4 +1,6 @@
-"""Fitting: curves that stay within the tolerance of what is programmed, proved, and are smooth enough for order 3."""
+"""Fitting: curves that stay within the tolerance of what is programmed, proved, and are smooth
+enough for order 3.
+"""
 
 from dataclasses import replace
 from itertools import count, groupby, islice, pairwise
@@ -44,7 +46,9 @@ def spiral(lines, step=0.42e-3, pitch=1.5e-3):
 
 def positions(pieces, points=513):
     """Positions (N, 3) along pieces, closely."""
-    return np.concatenate([p.poses(p.start + np.linspace(0, p.length, points))[:, :3] for p in pieces])
+    return np.concatenate(
+        [p.poses(p.start + np.linspace(0, p.length, points))[:, :3] for p in pieces]
+    )
 
 
 def distance_to_polyline(x, corners):
@@ -57,7 +61,9 @@ def distance_to_polyline(x, corners):
 def hausdorff(pieces, corners):
     """The larger of both ways, as far as samples show it."""
     x = positions(pieces, 129)
-    along = np.concatenate([a + np.linspace(0, 1, 9)[:, None] * (b - a) for a, b in pairwise(corners)])
+    along = np.concatenate(
+        [a + np.linspace(0, 1, 9)[:, None] * (b - a) for a, b in pairwise(corners)]
+    )
     return max(distance_to_polyline(x, corners).max(), distance_to_polyline(along, x).max())
 
 
@@ -85,7 +91,11 @@ def test_short_lines_become_few_smooth_pieces_within_the_tolerance(hexapod, fitt
     assert proved <= 1.3 * apart  # which is Hausdorff's, never more than Fréchet's
     assert sum(part.fitted.before for part in parts) >= 300
     for a, b in pairwise(pieces):
-        ends = zip(a.derivatives(np.array([a.start + a.length])), b.derivatives(np.array([b.start])), strict=True)
+        ends = zip(
+            a.derivatives(np.array([a.start + a.length])),
+            b.derivatives(np.array([b.start])),
+            strict=True,
+        )
         for k, (left, right) in enumerate(ends):
             assert np.abs(left - right).max() <= 1e-9 * 1e3**k
     path = actuate(program, hexapod)
@@ -96,7 +106,10 @@ def test_short_lines_become_few_smooth_pieces_within_the_tolerance(hexapod, fitt
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))])
     near = np.abs(way - place.s) < 2e-4  # half a line
     nearest = np.linalg.norm(corners - x[near].mean(0), axis=1).argsort()[:3]
-    both = distance_to_polyline(x[near], corners).max(), distance_to_polyline(corners[nearest], x).max()
+    both = (
+        distance_to_polyline(x[near], corners).max(),
+        distance_to_polyline(corners[nearest], x).max(),
+    )
     assert max(both) > 0.9 * apart
     assert min(abs(nearest + 0.5 - place.segment)) <= 0.5
 
@@ -107,10 +120,15 @@ def straight(a, b):
 
 
 def test_a_fit_wrong_by_more_than_the_tolerance_is_caught(fitted):
-    """A span moved aside until samples show 1.01 times the tolerance: never is the bound below that."""
+    """A span moved aside until samples show 1.01 times the tolerance: never is the bound below
+    that.
+    """
     _, corners, parts, _ = fitted
     pieces = list(parts[1].pieces)
-    ends = [piece.poses(np.array([s]))[0, :3] for piece, s in ((pieces[0], 0.0), (pieces[-1], pieces[-1].length))]
+    ends = [
+        piece.poses(np.array([s]))[0, :3]
+        for piece, s in ((pieces[0], 0.0), (pieces[-1], pieces[-1].length))
+    ]
     nearest = [int(np.linalg.norm(corners - end, axis=1).argmin()) for end in ends]
     own = np.concatenate([ends[:1], corners[nearest[0] + 1 : nearest[1]], ends[1:]])
     given = [straight(*pair) for pair in pairwise(own)]
@@ -130,7 +148,9 @@ def test_a_fit_wrong_by_more_than_the_tolerance_is_caught(fitted):
 
 
 def test_bounds_are_what_is_known(hexapod):
-    """Of parallel lines their distance; of an arc and its chord the sagitta; of turned frames the angle."""
+    """Of parallel lines their distance; of an arc and its chord the sagitta; of turned frames the
+    angle.
+    """
     one = straight(np.zeros(3), np.array([0.01, 0, 0]))
     other = straight(np.array([0, 1e-5, 0]), np.array([0.01, 1e-5, 0]))
     assert 1e-5 <= bound_distance([one], other.cut(7), 1e-5, 1e-3).worst[0] <= 1e-5 * (1 + 1e-9)
@@ -147,15 +167,22 @@ def test_bounds_are_what_is_known(hexapod):
 
 
 def test_a_loop_is_not_cut_off():
-    """Every point of a straight way is on the path that makes a loop at its middle, and yet they are far apart."""
-    corners = np.array([[0, 0, 0], [5, 0, 0], [5, 1, 0], [6, 1, 0], [6, 0, 0], [5, 0, 0], [10, 0, 0]]) * 1e-3
+    """Every point of a straight way is on the path that makes a loop at its middle, and yet they
+    are far apart.
+    """
+    corners = (
+        np.array([[0, 0, 0], [5, 0, 0], [5, 1, 0], [6, 1, 0], [6, 0, 0], [5, 0, 0], [10, 0, 0]])
+        * 1e-3
+    )
     loop = [straight(*pair) for pair in pairwise(corners)]
     way = straight(corners[0], corners[-1])
     assert bound_distance([way], loop, 1e-5, 1e-3).worst[0] >= 1e-3
 
 
 def test_long_lines_stay_lines_and_corners_blends(hexapod):
-    """As without fitting, but that the corner itself is as near to the blend as the tolerance says."""
+    """As without fitting, but that the corner itself is as near to the blend as the tolerance
+    says.
+    """
     square = [(0, 0), (0.01, 0), (0.01, 0.01), (0, 0.01), (0, 0)]
     path = actuate(chain(square), hexapod)
     kinds = [piece.shape.name for piece in path.pieces]
@@ -163,7 +190,10 @@ def test_long_lines_stay_lines_and_corners_blends(hexapod):
     assert path.fit.curves == 0
     assert path.fit.rounded == 3
     corners = hexapod.home.apply(np.column_stack([square, np.full(5, HEIGHT)]))
-    away = [np.linalg.norm(positions(path.pieces, 2001) - corner, axis=1).min() for corner in corners[1:-1]]
+    away = [
+        np.linalg.norm(positions(path.pieces, 2001) - corner, axis=1).min()
+        for corner in corners[1:-1]
+    ]
     np.testing.assert_allclose(away, TOLERANCE, rtol=1e-3)
     assert path.fit.deviation <= TOLERANCE
     at = path.fit.deviates_at
@@ -174,7 +204,9 @@ def test_long_lines_stay_lines_and_corners_blends(hexapod):
 
 @pytest.mark.parametrize("angle", [20, 50, 90, 150])
 def test_corners_between_arcs_are_proved(hexapod, angle):
-    """A blend of arcs, or of an arc and a line, is within the tolerance of the corner and of both."""
+    """A blend of arcs, or of an arc and a line, is within the tolerance of the corner and of
+    both.
+    """
     first = Arc([0.005, 0, HEIGHT], [0, 0, 1], np.pi / 2, join=Fit(TOLERANCE))
     start = RigidTransform.from_components([0, 0, HEIGHT], Rotation.identity())
     heading = np.deg2rad(angle)  # the arc ends at (5, −5) mm, along x
@@ -184,14 +216,24 @@ def test_corners_between_arcs_are_proved(hexapod, angle):
     assert not blend.stop
     assert 0.85 * TOLERANCE < blend.deviation <= TOLERANCE
     corner = hexapod.home.apply([0.005, -0.005, HEIGHT])
-    assert np.linalg.norm(positions(path.pieces, 2001) - corner, axis=1).min() <= 1.0001 * blend.deviation
+    assert (
+        np.linalg.norm(positions(path.pieces, 2001) - corner, axis=1).min()
+        <= 1.0001 * blend.deviation
+    )
 
 
 def test_long_lines_between_chains_keep_their_middle(hexapod):
     """A line that short lines lead into and out of: its middle is the line itself, to rounding."""
     bow = [(5 * np.sin(a), 5 * np.cos(a)) for a in np.linspace(-1.2, 0, 12)]
     points = (
-        np.array([*bow, (12, 5), *[(12 + 5 * np.sin(a), 5 * np.cos(a)) for a in np.linspace(0.11, 1.2, 11)]]) * 1e-3
+        np.array(
+            [
+                *bow,
+                (12, 5),
+                *[(12 + 5 * np.sin(a), 5 * np.cos(a)) for a in np.linspace(0.11, 1.2, 11)],
+            ]
+        )
+        * 1e-3
     )
     program = chain(points - [3e-3, 0])
     parts, _ = fit_pieces(program, hexapod)
@@ -207,7 +249,9 @@ def test_orientation_is_fitted_too(hexapod):
     """It turns with the chain, and what the fit leaves it by is proved and small."""
     points = spiral(120)[40:]
     tilt = np.deg2rad(3) * np.sin(np.linspace(0, 2, len(points)))
-    first = RigidTransform.from_components([*points[0], HEIGHT], Rotation.from_rotvec([tilt[0], 0, 0]))
+    first = RigidTransform.from_components(
+        [*points[0], HEIGHT], Rotation.from_rotvec([tilt[0], 0, 0])
+    )
     lines = [
         Line([*point, HEIGHT], Rotation.from_rotvec([angle, 0, 0]), join=Fit(TOLERANCE, 1e-4))
         for point, angle in zip(points[1:], tilt[1:], strict=True)
@@ -219,11 +263,15 @@ def test_orientation_is_fitted_too(hexapod):
     first, last = path.pieces[0], path.pieces[-1]
     ends = first.poses(np.array([first.start])), last.poses(np.array([last.start + last.length]))
     for row, angle in zip(np.concatenate(ends)[:, 3:], tilt[[0, -1]], strict=True):
-        np.testing.assert_allclose(row.reshape(3, 3), Rotation.from_rotvec([angle, 0, 0]).as_matrix(), atol=1e-9)
+        np.testing.assert_allclose(
+            row.reshape(3, 3), Rotation.from_rotvec([angle, 0, 0]).as_matrix(), atol=1e-9
+        )
 
 
 def test_a_chain_that_begins_to_turn_stays_smooth(hexapod):
-    """Curves at one orientation and the first that turns meet in position and orientation with three derivatives."""
+    """Curves at one orientation and the first that turns meet in position and orientation with
+    three derivatives.
+    """
     points = np.column_stack([spiral(400), np.full(401, HEIGHT)])
     tilts = 4e-4 * np.maximum(np.arange(401) - 250, 0)
     join = Fit(TOLERANCE, 2e-4)
@@ -233,11 +281,18 @@ def test_a_chain_that_begins_to_turn_stays_smooth(hexapod):
     ]
     start = RigidTransform.from_components(points[0], Rotation.identity())
     parts, pieces = fit_pieces(Program(tuple(lines), start=start), hexapod)
-    assert [shape for shape, _ in groupby(piece.shape for piece in pieces)] == [STEADY_SPLINE, SPLINE]
+    assert [shape for shape, _ in groupby(piece.shape for piece in pieces)] == [
+        STEADY_SPLINE,
+        SPLINE,
+    ]
     assert max(part.fitted.deviation for part in parts) <= TOLERANCE
     assert max(part.fitted.turned for part in parts) <= 2e-4
     for a, b in pairwise(pieces):
-        ends = zip(a.derivatives(np.array([a.start + a.length])), b.derivatives(np.array([b.start])), strict=True)
+        ends = zip(
+            a.derivatives(np.array([a.start + a.length])),
+            b.derivatives(np.array([b.start])),
+            strict=True,
+        )
         for k, (left, right) in enumerate(ends):
             assert np.abs(left - right).max() <= 1e-9 * 1e3**k
 
@@ -245,16 +300,22 @@ def test_a_chain_that_begins_to_turn_stays_smooth(hexapod):
 def test_caps_change_where_their_lines_meet_and_events_keep_their_segment(hexapod):
     points = spiral(60)[20:]
     program = chain(points)
-    lines = [replace(part, speed=0.01 if k < 15 else 0.02) for k, part in enumerate(program.segments)]
+    lines = [
+        replace(part, speed=0.01 if k < 15 else 0.02) for k, part in enumerate(program.segments)
+    ]
     lines[30] = replace(lines[30], trigger=Trigger("camera", 0.5))
     path = actuate(replace(program, segments=tuple(lines)), hexapod)
     ends = hexapod.home.apply(np.column_stack([points, np.full(len(points), HEIGHT)]))
-    change = next(k for k, (a, b) in enumerate(pairwise(path.pieces)) if a.tool_speed != b.tool_speed)
+    change = next(
+        k for k, (a, b) in enumerate(pairwise(path.pieces)) if a.tool_speed != b.tool_speed
+    )
     place = path.pieces[change + 1].poses(np.array([path.pieces[change + 1].start]))[0, :3]
     assert np.linalg.norm(place - ends[15]) <= TOLERANCE
     assert [piece.tool_speed for piece in path.pieces[: change + 1]] == [0.01] * (change + 1)
     marked = [piece for piece in path.pieces if piece.segment == 31]
-    assert {"blend_steady_spline_line", "blend_line_steady_spline"} <= {piece.shape.name for piece in marked}
+    assert {"blend_steady_spline_line", "blend_line_steady_spline"} <= {
+        piece.shape.name for piece in marked
+    }
 
 
 def test_a_stream_is_read_no_farther_than_a_window(hexapod):
@@ -264,7 +325,10 @@ def test_a_stream_is_read_no_farther_than_a_window(hexapod):
     def endless():
         nonlocal taken
         for k in count():
-            a, b = ([5e-3 * np.cos(angle), 5e-3 * np.sin(angle), 1e-6 * k] for angle in (0.08 * k, 0.08 * (k + 1)))
+            a, b = (
+                [5e-3 * np.cos(angle), 5e-3 * np.sin(angle), 1e-6 * k]
+                for angle in (0.08 * k, 0.08 * (k + 1))
+            )
             taken += 1
             yield Drawn([straight(np.array(a), np.array(b))], Fit(TOLERANCE), plain=True)
 
@@ -291,7 +355,9 @@ def test_a_fitted_chain_is_faster_than_its_blends(hexapod):
 
 
 def test_corners_are_stops_where_that_is_asked_for(hexapod):
-    """As a program says, and as of a control that rounds nothing; in between the curve stays as it is."""
+    """As a program says, and as of a control that rounds nothing; in between the curve stays as it
+    is.
+    """
     bow = 5e-3 * np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0, 1.5, 20)])
     points = np.vstack([bow, bow[-1] + [2e-3, 0]])
     program = chain(points, Fit(TOLERANCE, stop=True))
@@ -304,8 +370,12 @@ def test_corners_are_stops_where_that_is_asked_for(hexapod):
 
 
 def test_a_curve_leaves_a_turning_line_smoothly(hexapod):
-    """Position and orientation meet those of the line with three derivatives, so that order 3 passes."""
-    bow = [np.array([5e-3 * np.sin(a), 5e-3 * np.cos(a), HEIGHT]) for a in np.linspace(0.08, 1.2, 15)]
+    """Position and orientation meet those of the line with three derivatives, so that order 3
+    passes.
+    """
+    bow = [
+        np.array([5e-3 * np.sin(a), 5e-3 * np.cos(a), HEIGHT]) for a in np.linspace(0.08, 1.2, 15)
+    ]
     points = [np.array([0, 5e-3, HEIGHT]), *bow]
     tilts = 0.02 + 0.0012 * np.arange(len(points))
     lines = [
@@ -316,7 +386,10 @@ def test_a_curve_leaves_a_turning_line_smoothly(hexapod):
     path = actuate(Program(tuple(lines), start=start), hexapod)
     first, second = path.pieces[:2]
     assert (first.shape, second.shape) == (LINE, SPLINE)
-    ends = first.derivatives(np.array([first.start + first.length])), second.derivatives(np.array([second.start]))
+    ends = (
+        first.derivatives(np.array([first.start + first.length])),
+        second.derivatives(np.array([second.start])),
+    )
     for k, (left, right) in enumerate(zip(*ends, strict=True)):
         assert np.abs(left - right).max() <= 1e-13 * 1e3**k
     assert path.stops(3).sum() == 2
@@ -325,23 +398,32 @@ def test_a_curve_leaves_a_turning_line_smoothly(hexapod):
 @settings(max_examples=20)
 @given(st.integers(0, 2**32))
 def test_no_piece_is_left_of_lines_whose_blends_take_both_halves(seed):
-    """Of lines of one length between corners nothing is left between two blends, not even rounding of it."""
+    """Of lines of one length between corners nothing is left between two blends, not even rounding
+    of it.
+    """
     rng = np.random.default_rng(seed)
     turns = rng.choice([-1, 1], 12) * rng.uniform(0.7, 2.4, 12)
     length = rng.uniform(2e-5, 2e-4)
     steps = length * np.exp(1j * np.cumsum(turns))
     points = np.concatenate([[0.0], np.cumsum(steps)]) + 1e-2
-    steps = walk_path(chain(np.column_stack([points.real, points.imag]), Fit(1e-4)), load_machine("hexapod"))
+    steps = walk_path(
+        chain(np.column_stack([points.real, points.imag]), Fit(1e-4)), load_machine("hexapod")
+    )
     assert min(step.piece.length for step in steps) > 1e-3 * length
 
 
 def test_the_like_of_a_place_is_found_where_one_path_runs_ahead(hexapod):
-    """Lines of 20 µm, the second half of which are a zigzag: a straight line is ahead of them by eight of them."""
-    steps = 2e-5 * np.exp(1j * np.where(np.arange(500) < 250, 0.0, np.where(np.arange(500) % 2, 0.35, -0.35)))
+    """Lines of 20 µm, the second half of which are a zigzag: a straight line is ahead of them by
+    eight of them.
+    """
+    steps = 2e-5 * np.exp(
+        1j * np.where(np.arange(500) < 250, 0.0, np.where(np.arange(500) % 2, 0.35, -0.35))
+    )
     points = np.concatenate([[0.0], np.cumsum(steps)]) + 1e-2
     rows = np.column_stack([points.real, points.imag])
     links, whole = (
-        [part.pieces[0] for part in draw_segments(chain(places), hexapod)] for places in (rows, rows[[0, -1]])
+        [part.pieces[0] for part in draw_segments(chain(places), hexapod)]
+        for places in (rows, rows[[0, -1]])
     )
     apart = np.abs(points.imag).max()
     assert apart <= bound_distance(whole, links, TOLERANCE, 1.0).worst[0] < 1.01 * apart

@@ -1,4 +1,6 @@
-"""Rotations by an angle that follows: refused where they would be all of a segment, named where they are a part."""
+"""Rotations by an angle that follows: refused where they would be all of a segment, named where
+they are a part.
+"""
 
 import numpy as np
 import pytest
@@ -7,7 +9,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import MotionError, load_machine
 from planner import Line, Program, Turn, import_program
 from planner.path.chain import chain_pieces
-from planner.path.followed_angles import describe_lost_angles, find_changed_angles, list_turned_angles
+from planner.path.followed_angles import (
+    describe_lost_angles,
+    find_changed_angles,
+    list_turned_angles,
+)
 from pulsepath.inputs import Origin, read_inputs
 
 Z_TURNS = {
@@ -28,13 +34,18 @@ def test_a_turn_for_which_no_axis_moves_is_refused(name, axis, angle):
     np.testing.assert_allclose(machine.inverse(poses), np.tile(machine.home_q, (5, 1)), atol=1e-9)
     about = Rotation.identity().as_matrix()["xyz".index(axis)]
     for turn in (Turn(about=about, angle=np.radians(angle)), Turn(parts[1])):
-        with pytest.raises(MotionError, match=f"it changes only .*r{axis}.*, which the other axes of {name} decide"):
+        with pytest.raises(
+            MotionError, match=f"it changes only .*r{axis}.*, which the other axes of {name} decide"
+        ):
             chain_pieces(Program([Line([1e-3, 0, 0]), turn]), machine)
 
 
 def test_turns_that_move_an_axis_are_drawn():
     turn = Turn(Rotation.from_euler("z", 10, degrees=True))
-    assert len(chain_pieces(Program([Line([1e-3, 0, 0]), turn]), load_machine("traverser")).pieces) == 2
+    assert (
+        len(chain_pieces(Program([Line([1e-3, 0, 0]), turn]), load_machine("traverser")).pieces)
+        == 2
+    )
     assert len(chain_pieces(Program([turn]), load_machine("hexapod")).pieces) == 1
     tilt = Turn(Rotation.from_euler("XYZ", [5, 0, 30], degrees=True))
     assert len(chain_pieces(Program([tilt]), load_machine("five-axis")).pieces) == 1
@@ -64,5 +75,10 @@ def test_words_of_angles_that_follow_are_named(text, turned, tmp_path, capsys):
 
 def test_angles_at_the_pole_are_none_of_their_own():
     up = Rotation.from_euler("XYZ", [0, 90, 0], degrees=True)
-    assert find_changed_angles(up, Rotation.from_euler("XYZ", [20, 90, 0], degrees=True)) == frozenset()
-    assert find_changed_angles(Rotation.identity(), up * Rotation.from_euler("y", -80, degrees=True)) == {"ry"}
+    assert (
+        find_changed_angles(up, Rotation.from_euler("XYZ", [20, 90, 0], degrees=True))
+        == frozenset()
+    )
+    assert find_changed_angles(
+        Rotation.identity(), up * Rotation.from_euler("y", -80, degrees=True)
+    ) == {"ry"}

@@ -1,4 +1,6 @@
-"""Half turns: neither way is shorter, so they are refused wherever a segment turns to an orientation."""
+"""Half turns: neither way is shorter, so they are refused wherever a segment turns to an
+orientation.
+"""
 
 import numpy as np
 import pytest
@@ -29,10 +31,14 @@ def program(name, begin, end):
 
 @pytest.mark.parametrize("name", SEGMENTS)
 @pytest.mark.parametrize(
-    ("begin", "end"), [(30, 210), (30, -150), (0, 180), (-90, 90), (0.1, 180.1), (17.3, 197.3 + 360)]
+    ("begin", "end"),
+    [(30, 210), (30, -150), (0, 180), (-90, 90), (0.1, 180.1), (17.3, 197.3 + 360)],
 )
 def test_half_a_turn_is_refused_by_its_segment(name, begin, end):
-    with pytest.raises(MotionError, match=f"segment 1, {name}: it turns by half a turn, 180°.*orientation in between"):
+    with pytest.raises(
+        MotionError,
+        match=f"segment 1, {name}: it turns by half a turn, 180°.*orientation in between",
+    ):
         actuate(program(name, begin, end), TRAVERSER)
 
 
@@ -40,7 +46,10 @@ def test_half_a_turn_is_refused_by_its_segment(name, begin, end):
 def test_half_a_turn_of_eight_digits_is_one(radians):
     start = RigidTransform.from_translation([0.3, 0.2, 0.2])
     with pytest.raises(MotionError, match="half a turn"):
-        actuate(Program([Turn(Rotation.from_rotvec([0, 0, radians]))], start=start, frame="base"), TRAVERSER)
+        actuate(
+            Program([Turn(Rotation.from_rotvec([0, 0, radians]))], start=start, frame="base"),
+            TRAVERSER,
+        )
 
 
 @pytest.mark.parametrize("name", SEGMENTS)
@@ -55,7 +64,9 @@ def test_just_under_half_a_turn_goes_the_shorter_way(name, angle):
 
 
 def test_half_a_turn_by_two_letters_is_one(hexapod):
-    """Rx(180°) leads to the same orientation as Ry(180°) · Rz(180°): about any machine's axes, in any frame."""
+    """Rx(180°) leads to the same orientation as Ry(180°) · Rz(180°): about any machine's axes, in
+    any frame.
+    """
     work = RigidTransform.from_components([0.01, 0, 0], Rotation.from_rotvec([0.1, 0.2, 0.3]))
     both = Rotation.from_euler("XYZ", [0, 180, 180], degrees=True)
     with pytest.raises(MotionError, match=r"segment 1, turn: it turns by half a turn"):
@@ -69,8 +80,12 @@ def test_a_signed_angle_says_the_way(tmp_path):
     for angle in (180, -180):
         file.write_text(f"{text}turn = {{ about = [0, 0, 1], angle = {angle} }}\n", "utf-8")
         q = actuate(load_program(file), TRAVERSER)
-        ends = np.degrees(q.derivatives(q.breaks[[0, -1]], np.array([0, len(q.pieces) - 1]), 0)[0][:, 3])
+        ends = np.degrees(
+            q.derivatives(q.breaks[[0, -1]], np.array([0, len(q.pieces) - 1]), 0)[0][:, 3]
+        )
         assert ends[1] - ends[0] == pytest.approx(angle, abs=1e-9)
     file.write_text(f"{text}turn = {{ to = [0, 0, 180] }}\n", "utf-8")
-    with pytest.raises(MotionError, match=r"turn.toml:6: segment\[1\].turn: it turns by half a turn"):
+    with pytest.raises(
+        MotionError, match=r"turn.toml:6: segment\[1\].turn: it turns by half a turn"
+    ):
         actuate(load_program(file), TRAVERSER)

@@ -1,4 +1,6 @@
-"""Blends: smooth to the third derivative, as far from the corner as the tolerance says, in position and orientation."""
+"""Blends: smooth to the third derivative, as far from the corner as the tolerance says, in position
+and orientation.
+"""
 
 from dataclasses import replace
 
@@ -38,12 +40,16 @@ def along(path, piece, points=2001):
     """Poses over a piece, or over both of a blend."""
     end = piece + 2 if is_blend(path, piece) else piece + 1
     s = np.linspace(path.breaks[piece], path.breaks[end], points)
-    x = path.pose_numbers(s, np.clip(np.searchsorted(path.breaks, s, side="right") - 1, piece, end - 1))
+    x = path.pose_numbers(
+        s, np.clip(np.searchsorted(path.breaks, s, side="right") - 1, piece, end - 1)
+    )
     return x[:, :3], x[:, 3:].reshape(-1, 3, 3)
 
 
 def jumps(path, at):
-    """Largest jump of the pose's and of the actuators' k-th derivative at a break, as a share of its size nearby."""
+    """Largest jump of the pose's and of the actuators' k-th derivative at a break, as a share of
+    its size nearby.
+    """
     found = []
     for evaluate in (path.pose_derivatives, path.derivatives):
         left = evaluate(path.breaks[[at]], np.array([at - 1]))
@@ -51,7 +57,10 @@ def jumps(path, at):
         blend = at if is_blend(path, at) else at - 1
         s = np.linspace(path.breaks[blend], path.breaks[blend + 1], 101)
         inside = evaluate(s, np.full(101, blend))
-        found += [np.abs(a - b).max() / np.abs(c).max() for a, b, c in zip(left, right, inside, strict=True)]
+        found += [
+            np.abs(a - b).max() / np.abs(c).max()
+            for a, b, c in zip(left, right, inside, strict=True)
+        ]
     return np.array(found)
 
 
@@ -77,12 +86,16 @@ class Straight:
 
 
 class Bent:
-    """An arc of less than half a turn from a point on along a direction, and its distance from points."""
+    """An arc of less than half a turn from a point on along a direction, and its distance from
+    points.
+    """
 
     def __init__(self, start, direction, other, radius, angle):
         normal = np.cross(direction, other)
         self.normal = normal / np.linalg.norm(normal)
-        inward = np.cross(self.normal, direction)  # the right hand about the normal turns towards it
+        inward = np.cross(
+            self.normal, direction
+        )  # the right hand about the normal turns towards it
         self.start, self.radius, self.angle, self.length = start, radius, angle, radius * angle
         self.centre = start + radius * inward
         self.out, self.ahead = -inward, direction
@@ -122,7 +135,9 @@ def corners(draw):
 @settings(max_examples=80, deadline=None)
 @given(corner=corners())
 def test_a_blend_leaves_the_corner_by_its_tolerance(hexapod, corner):
-    """Line–line, line–arc, arc–arc: measured with distances of our own, at 2001 points of the blend."""
+    """Line–line, line–arc, arc–arc: measured with distances of our own, at 2001 points of the
+    blend.
+    """
     first, second, tolerance = corner
     cosine = first.tangents[1] @ second.tangents[0]
     assume(abs(cosine) < 0.999)
@@ -135,12 +150,15 @@ def test_a_blend_leaves_the_corner_by_its_tolerance(hexapod, corner):
     points, _ = along(path, blend)
     farthest = np.minimum(first.distance(points), second.distance(points)).max()
     assert farthest <= MOST * tolerance
-    # told from fewer points; nanometres are roundings of decimetres times the sharpness of the corner
+    # told from fewer points; nanometres are roundings of decimetres times the sharpness of the
+    # corner
     assert told.deviation == pytest.approx(farthest, rel=2e-3, abs=1e-12)
     half = min(first.length, second.length) / 2
     if told.half_of:
         assert told.reach == pytest.approx(half, rel=1e-12)
-        assert set(told.half_of) == {n for n, leg in enumerate(corner[:2], 1) if leg.length <= 2 * half * (1 + 1e-12)}
+        assert set(told.half_of) == {
+            n for n, leg in enumerate(corner[:2], 1) if leg.length <= 2 * half * (1 + 1e-12)
+        }
     else:
         assert told.reach < half
         assert farthest >= LEAST * tolerance
@@ -158,36 +176,61 @@ def test_between_lines_the_blend_is_the_polynomial_of_degree_7(hexapod, degrees)
     (told,) = path.blends
     assert told.deviation == pytest.approx(5 / 32 * told.reach * np.sin(theta), rel=1e-3)
     points, _ = along(path, blends_of(path)[0])
-    assert np.linalg.norm(points[1000] - corner) == pytest.approx(5 / 16 * told.reach * np.sin(theta / 2), rel=1e-9)
-    # value and three derivatives at both ends fix a polynomial of degree 7: SciPy's own must be the same curve
+    assert np.linalg.norm(points[1000] - corner) == pytest.approx(
+        5 / 16 * told.reach * np.sin(theta / 2), rel=1e-9
+    )
+    # value and three derivatives at both ends fix a polynomial of degree 7: SciPy's own must be the
+    # same curve
     from scipy.interpolate import BPoly
 
-    ends = [[p, t, np.zeros(3), np.zeros(3)] for p, t in ((points[0], [1, 0, 0]), (points[-1], bend))]
+    ends = [
+        [p, t, np.zeros(3), np.zeros(3)] for p, t in ((points[0], [1, 0, 0]), (points[-1], bend))
+    ]
     hermite = BPoly.from_derivatives([0, 2 * told.reach], ends)
     assert np.abs(hermite(np.linspace(0, 2 * told.reach, 2001)) - points).max() < 1e-15
     # and the parameter runs on at nearly the tool's speed: cos(θ/2) at least
     s = np.linspace(path.breaks[1], path.breaks[3], 201)
-    speed = np.linalg.norm(path.pose_derivatives(s, np.repeat([1, 2], [100, 101]))[1][:, :3], axis=1)
+    speed = np.linalg.norm(
+        path.pose_derivatives(s, np.repeat([1, 2], [100, 101]))[1][:, :3], axis=1
+    )
     assert speed.min() == pytest.approx(np.cos(theta / 2), rel=1e-9)
     assert speed.max() < 1 + 1e-12
 
 
 SMOOTH_PAIRS = {
-    "a tangent arc and its line": (Arc([0, 0.01, 0.25], [0, 0, 1], 1.0), lambda p, t: Line(p + 0.01 * t)),
+    "a tangent arc and its line": (
+        Arc([0, 0.01, 0.25], [0, 0, 1], 1.0),
+        lambda p, t: Line(p + 0.01 * t),
+    ),
     "a line that starts to turn": (
         Line([0.01, 0, 0.25]),
         lambda p, t: Line(p + 0.01 * t, Rotation.from_rotvec([0, 0.1, 0])),
     ),
-    "a turn and a line": (Turn(Rotation.from_rotvec([0.1, 0, 0])), lambda p, t: Line([0.01, 0, 0.25])),
-    "a line and a turn": (Line([0.01, 0, 0.25]), lambda p, t: Turn(Rotation.from_rotvec([0.1, 0, 0]))),
-    "two turns": (Turn(Rotation.from_rotvec([0.1, 0, 0])), lambda p, t: Turn(Rotation.from_rotvec([0.1, 0.1, 0]))),
+    "a turn and a line": (
+        Turn(Rotation.from_rotvec([0.1, 0, 0])),
+        lambda p, t: Line([0.01, 0, 0.25]),
+    ),
+    "a line and a turn": (
+        Line([0.01, 0, 0.25]),
+        lambda p, t: Turn(Rotation.from_rotvec([0.1, 0, 0])),
+    ),
+    "two turns": (
+        Turn(Rotation.from_rotvec([0.1, 0, 0])),
+        lambda p, t: Turn(Rotation.from_rotvec([0.1, 0.1, 0])),
+    ),
     "lines that turn": (
         Line([0.01, 0, 0.25], Rotation.from_rotvec([0.1, 0, 0])),
         lambda p, t: Line(p + np.array([0, 0.01, 0]), Rotation.from_rotvec([0.1, 0.05, 0.1])),
     ),
     "a spline and a helix": (
         Spline([[0.003, 0, 0.25], [0.006, 0.004, 0.251], [0.01, 0, 0.253]]),
-        lambda p, t: Arc(p + np.array([0, 0.01, 0]), [0, 0, 1], 2.0, Rotation.from_rotvec([0, 0, 0.2]), rise=0.002),
+        lambda p, t: Arc(
+            p + np.array([0, 0.01, 0]),
+            [0, 0, 1],
+            2.0,
+            Rotation.from_rotvec([0, 0, 0.2]),
+            rise=0.002,
+        ),
     ),
 }
 
@@ -196,7 +239,9 @@ SMOOTH_PAIRS = {
 def test_what_meets_is_smooth_to_the_third_derivative(hexapod, name):
     first, second = SMOOTH_PAIRS[name]
     first = replace(first, join=Blend(TOLERANCE))
-    tangent = np.array([np.cos(1.0), np.sin(1.0), 0]) if isinstance(first, Arc) else np.array([1.0, 0, 0])
+    tangent = (
+        np.array([np.cos(1.0), np.sin(1.0), 0]) if isinstance(first, Arc) else np.array([1.0, 0, 0])
+    )
     end = along(drawn(hexapod, first), len(drawn(hexapod, first).pieces) - 1)[0][-1]
     path = drawn(hexapod, first, second(end, tangent))
     (blend,), (told,) = blends_of(path), path.blends
@@ -207,22 +252,30 @@ def test_what_meets_is_smooth_to_the_third_derivative(hexapod, name):
 
 
 def farthest(poses, path, join, reach, radius):
-    """Largest distance and angle of poses to the nearest of an unblended path near a join; angles count `radius`."""
+    """Largest distance and angle of poses to the nearest of an unblended path near a join; angles
+    count `radius`.
+    """
     s = join + reach * np.linspace(-2, 2, 8001)
     there = path.pose_numbers(s, (s > join).astype(int))
     found = []
     for point, matrix in zip(*poses, strict=True):
         apart = np.linalg.norm(there[:, :3] - point, axis=1)
-        angle = 2 * np.arcsin(np.minimum(np.linalg.norm(there[:, 3:] - matrix.ravel(), axis=1) / np.sqrt(8), 1))
+        angle = 2 * np.arcsin(
+            np.minimum(np.linalg.norm(there[:, 3:] - matrix.ravel(), axis=1) / np.sqrt(8), 1)
+        )
         best = np.argmin(np.hypot(apart, radius * angle))
         found.append((apart[best], angle[best]))
     return np.array(found).max(0)
 
 
 @pytest.mark.parametrize("angle", [None, 1e-4, 1e-2])
-@pytest.mark.parametrize("name", ["a line that starts to turn", "two turns", "lines that turn", "a turn and a line"])
+@pytest.mark.parametrize(
+    "name", ["a line that starts to turn", "two turns", "lines that turn", "a turn and a line"]
+)
 def test_orientation_has_its_own_tolerance(hexapod, name, angle):
-    """Against the unblended path, sampled densely: the pose that comes nearest, angles weighed by the tolerances."""
+    """Against the unblended path, sampled densely: the pose that comes nearest, angles weighed by
+    the tolerances.
+    """
     first, second = SMOOTH_PAIRS[name]
     first = replace(first, join=Blend(TOLERANCE, angle))
     end = along(drawn(hexapod, first), 0)[0][-1]
@@ -255,7 +308,9 @@ def test_short_segments_give_half_and_blends_never_overlap(hexapod):
     taken = np.append(reach, 0) + np.append(0, reach)
     assert (taken <= lengths * (1 + 1e-12)).all()
     # segment 3 is used up: its two blends follow each other at once
-    assert [is_blend(path, k) for k in range(len(path.pieces))] == [bool(int(c)) for c in "011011110110"]
+    assert [is_blend(path, k) for k in range(len(path.pieces))] == [
+        bool(int(c)) for c in "011011110110"
+    ]
     assert path.breaks[-1] == pytest.approx(lengths.sum(), rel=1e-12)
     for at in range(1, len(path.pieces)):
         assert (jumps(path, at) < 1e-9).all()
@@ -269,9 +324,15 @@ BACK = Rotation.from_rotvec([0, 0, 0.1])
     ("segments", "why"),
     [
         ([Line([0.01, 0, 0.25], join=Blend(TOLERANCE)), Line([0.005, 0, 0.25])], "turns back"),
-        ([Line([0.01, 0, 0.25], join=Blend(TOLERANCE)), Line([0.005, 0, 0.25], BACK)], "turns back"),
+        (
+            [Line([0.01, 0, 0.25], join=Blend(TOLERANCE)), Line([0.005, 0, 0.25], BACK)],
+            "turns back",
+        ),
         ([Turn(BACK, join=Blend(TOLERANCE)), Turn(Rotation.identity())], "turns back"),
-        ([Line([0.01, 0, 0.25], join=Blend(TOLERANCE)), Dwell(0.1), Line([0.01, 0.01, 0.25])], "a dwell"),
+        (
+            [Line([0.01, 0, 0.25], join=Blend(TOLERANCE)), Dwell(0.1), Line([0.01, 0.01, 0.25])],
+            "a dwell",
+        ),
     ],
 )
 def test_what_cannot_be_blended_stops_and_says_why(hexapod, segments, why):
@@ -284,7 +345,9 @@ def test_what_cannot_be_blended_stops_and_says_why(hexapod, segments, why):
 
 
 def test_nothing_is_blended_where_nothing_bends(hexapod):
-    """Two halves of a line, and of an arc, run on; a blend at the program's end has nothing to lead to."""
+    """Two halves of a line, and of an arc, run on; a blend at the program's end has nothing to lead
+    to.
+    """
     path = drawn(
         hexapod,
         Line([0.005, 0, 0.25], join=Blend(TOLERANCE)),
@@ -297,7 +360,9 @@ def test_nothing_is_blended_where_nothing_bends(hexapod):
 
 
 def test_through_passes_what_is_smooth_enough_for_the_motion(hexapod):
-    """A corner stops all motions, a jump of curvature those with jerk limits, a dwell all; a line's middle none."""
+    """A corner stops all motions, a jump of curvature those with jerk limits, a dwell all; a line's
+    middle none.
+    """
     on = Through()
     path = drawn(
         hexapod,
@@ -326,16 +391,30 @@ def test_each_half_of_a_blend_belongs_to_the_segment_whose_place_it_takes(hexapo
 
 
 def round_trip(join):
-    arc = Arc([0, 0, 0.025], [0, 0, 1], np.pi / 2, Rotation.from_rotvec([0, 0, 0.05]), speed=0.018, join=join)
+    arc = Arc(
+        [0, 0, 0.025],
+        [0, 0, 1],
+        np.pi / 2,
+        Rotation.from_rotvec([0, 0, 0.05]),
+        speed=0.018,
+        join=join,
+    )
     return Program(
-        [Line([0.01, 0.0, 0.025], join=join), Line([0.01, 0.01, 0.025], join=join), arc, Line([-0.01, 0, 0.025])],
+        [
+            Line([0.01, 0.0, 0.025], join=join),
+            Line([0.01, 0.01, 0.025], join=join),
+            arc,
+            Line([-0.01, 0, 0.025]),
+        ],
         start=START_FROM_HOME,
     )
 
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_a_blended_plan_is_certified_and_faster(hexapod, order):
-    rounded, stopping = (plan(round_trip(join), hexapod, order=order) for join in (Blend(5e-5), Stop()))
+    rounded, stopping = (
+        plan(round_trip(join), hexapod, order=order) for join in (Blend(5e-5), Stop())
+    )
     assert rounded.certificate.holds
     assert stopping.certificate.holds
     assert rounded.trajectory.duration < {2: 0.98, 3: 0.96}[order] * stopping.trajectory.duration
@@ -344,7 +423,9 @@ def test_a_blended_plan_is_certified_and_faster(hexapod, order):
     state = rounded.trajectory.at(t)
     assert state.sd[1:-1].min() > 0
     # and the tool keeps the cap of the arc, on its halves of the blends too
-    capped = np.isin(state.piece, [k for k, piece in enumerate(rounded.path.pieces) if piece.tool_speed == 0.018])
+    capped = np.isin(
+        state.piece, [k for k, piece in enumerate(rounded.path.pieces) if piece.tool_speed == 0.018]
+    )
     fastest = np.linalg.norm(state.tool_velocity[capped], axis=1).max()
     assert 0.99 * 0.018 < fastest < 0.018 * (1 + 1e-6)
 
@@ -358,9 +439,14 @@ def test_a_check_tells_of_the_blends(hexapod):
 
 def test_a_blend_looks_alike_in_every_frame(hexapod):
     """Moved and turned with its machine's home, the same program makes the same blends."""
-    home = RigidTransform.from_components([0.01, -0.02, 0.24], Rotation.from_euler("XYZ", [10, -20, 30], degrees=True))
+    home = RigidTransform.from_components(
+        [0.01, -0.02, 0.24], Rotation.from_euler("XYZ", [10, -20, 30], degrees=True)
+    )
     machine = Hexapod(hexapod.base, hexapod.platform, axes=hexapod.axes, home=home)
-    here, there = actuate(round_trip(Blend(TOLERANCE)), hexapod), actuate(round_trip(Blend(TOLERANCE)), machine)
+    here, there = (
+        actuate(round_trip(Blend(TOLERANCE)), hexapod),
+        actuate(round_trip(Blend(TOLERANCE)), machine),
+    )
     for one, other in zip(here.blends, there.blends, strict=True):
         assert one.reach == pytest.approx(other.reach, rel=1e-6)
         assert one.deviation == pytest.approx(other.deviation, rel=1e-6)

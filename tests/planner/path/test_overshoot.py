@@ -1,4 +1,6 @@
-"""Overshoot of splines: the distance from the polygon against one found on its own, in `check`, plans and warnings."""
+"""Overshoot of splines: the distance from the polygon against one found on its own, in `check`,
+plans and warnings.
+"""
 
 from itertools import pairwise
 
@@ -15,7 +17,9 @@ CARTESIAN = load_machine("cartesian")
 
 def program(corners, *after, scale=1e-3, join=None):
     more = {} if join is None else {"join": join}
-    return Program([Spline(scale * np.array(corners, float), **more), *after], start=START, frame="home")
+    return Program(
+        [Spline(scale * np.array(corners, float), **more), *after], start=START, frame="home"
+    )
 
 
 def segment_distance(x, begin, end):
@@ -36,14 +40,19 @@ def test_it_is_the_largest_distance_from_the_polygon(corners):
     (overshoot,) = standing.overshoots
     made = plan(program(corners), CARTESIAN, order=2)
     s = np.linspace(0, made.path.breaks[-1], 20001)
-    piece = np.clip(np.searchsorted(made.path.breaks, s, side="right") - 1, 0, len(made.path.pieces) - 1)
+    piece = np.clip(
+        np.searchsorted(made.path.breaks, s, side="right") - 1, 0, len(made.path.pieces) - 1
+    )
     x = made.path.pose_numbers(s, piece)[:, :3] - CARTESIAN.home.translation
     points = np.concatenate([[[0, 0, 0]], 1e-3 * np.array(corners)])
     away = np.min([segment_distance(x, *ends) for ends in pairwise(points)], 0)
     assert overshoot.distance == pytest.approx(away.max(), rel=5e-3)  # both are sampled
     assert abs(overshoot.s - s[away.argmax()]) < 0.05 * made.path.breaks[-1]
     assert made.path.overshoots == standing.overshoots
-    assert any("straight lines through their points" in table.title for table in (*standing.tables(), *made.tables()))
+    assert any(
+        "straight lines through their points" in table.title
+        for table in (*standing.tables(), *made.tables())
+    )
 
 
 def test_a_quarter_of_a_circle_in_one_span_is_not_warned_of():
@@ -72,5 +81,7 @@ def test_places_count_along_the_whole_path():
 
 
 def test_no_spline_has_none():
-    standing = check(Program([Line([0.01, 0, 0], Rotation.identity())], start=START, frame="home"), CARTESIAN)
+    standing = check(
+        Program([Line([0.01, 0, 0], Rotation.identity())], start=START, frame="home"), CARTESIAN
+    )
     assert standing.overshoots == ()

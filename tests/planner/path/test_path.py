@@ -35,12 +35,16 @@ def degrees(x, y, z):
 
 
 def angle_between(first, second):
-    """Angle of the rotation between matrices, from the chord ‖A − B‖ = 2√2 sin(θ/2): exact near zero."""
+    """Angle of the rotation between matrices, from the chord ‖A − B‖ = 2√2 sin(θ/2): exact near
+    zero.
+    """
     return 2 * np.arcsin(np.clip(np.linalg.norm(first - second, axis=(-2, -1)) / np.sqrt(8), 0, 1))
 
 
 points = st.tuples(*[st.floats(-0.05, 0.05)] * 3).map(np.array)
-directions = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda v: np.linalg.norm(v) > 0.1)
+directions = (
+    st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda v: np.linalg.norm(v) > 0.1)
+)
 angles = st.floats(-4 * np.pi, 4 * np.pi).filter(lambda angle: abs(angle) > 0.01)
 
 
@@ -55,13 +59,16 @@ def test_a_line_runs_straight_and_at_unit_speed(hexapod, start, end):
     assert path.breaks[-1] == pytest.approx(length, abs=ROUNDING)
     straight = hexapod.home.translation + start + (end - start) * (s / length)[:, None]
     assert np.abs(position - straight).max() < ROUNDING
-    # the direction is a difference of decimetres over the length: its rounding grows as the line shrinks
+    # the direction is a difference of decimetres over the length: its rounding grows as the line
+    # shrinks
     speed = np.linalg.norm(path.pose_derivatives(s, np.zeros(len(s), int))[1][:, :3], axis=1)
     assert np.abs(speed - 1).max() < ROUNDING / length + 1e-15
 
 
 @settings(max_examples=40, deadline=None)
-@given(centre=points, normal=directions, radial=directions, radius=st.floats(1e-3, 0.05), angle=angles)
+@given(
+    centre=points, normal=directions, radial=directions, radius=st.floats(1e-3, 0.05), angle=angles
+)
 def test_an_arc_keeps_radius_and_plane_and_turns_by_its_signed_angle(
     hexapod, rodrigues, centre, normal, radial, radius, angle
 ):
@@ -79,13 +86,20 @@ def test_an_arc_keeps_radius_and_plane_and_turns_by_its_signed_angle(
     # more than 360° and negative angles: the right hand about the normal, all the way
     swept = rodrigues(unit, angle * (s - s[0]) / (s[-1] - s[0])) @ u
     assert np.abs(spoke - swept).max() < 1e-14
-    assert np.abs(np.linalg.norm(path.pose_derivatives(s, np.zeros(len(s), int))[1][:, :3], axis=1) - 1).max() < 1e-12
+    assert (
+        np.abs(
+            np.linalg.norm(path.pose_derivatives(s, np.zeros(len(s), int))[1][:, :3], axis=1) - 1
+        ).max()
+        < 1e-12
+    )
     # path length is true length: the chord of an arc of length d is 2 r sin(d/2r)
     chord = np.linalg.norm(np.diff(position, axis=0), axis=1)
     assert np.abs(chord - 2 * radius * np.abs(np.sin(np.diff(s) / (2 * radius)))).max() < 1e-14
 
 
-@pytest.mark.parametrize(("angle", "end"), [(90, (0, 15)), (-90, (0, -15)), (450, (0, 15)), (-720, (15, 0))])
+@pytest.mark.parametrize(
+    ("angle", "end"), [(90, (0, 15)), (-90, (0, -15)), (450, (0, 15)), (-720, (15, 0))]
+)
 def test_an_arc_ends_where_its_angle_says(hexapod, angle, end):
     path = drawn(hexapod, Arc(UP, [0, 0, 1], np.deg2rad(angle)))
     offset = (along(path)[1][-1] - hexapod.home.translation) * 1e3
@@ -95,7 +109,9 @@ def test_an_arc_ends_where_its_angle_says(hexapod, angle, end):
 @settings(max_examples=30, deadline=None)
 @given(angle=angles, rise=st.floats(-0.05, 0.05), normal=directions)
 def test_a_helix_climbs_in_proportion_to_its_angle(hexapod, rodrigues, angle, rise, normal):
-    """Length √((rφ)² + h²), curvature r φ²/L², torsion h φ/L²: analytic, from its derivatives by path length."""
+    """Length √((rφ)² + h²), curvature r φ²/L², torsion h φ/L²: analytic, from its derivatives by
+    path length.
+    """
     unit = normal / np.linalg.norm(normal)
     u = np.cross(unit, [1.0, 0, 0] if abs(unit[0]) < 0.8 else [0, 1.0, 0])
     u *= 0.012 / np.linalg.norm(u)
@@ -118,21 +134,28 @@ def test_a_helix_climbs_in_proportion_to_its_angle(hexapod, rodrigues, angle, ri
 
 def test_a_helix_ends_where_its_rise_says_and_the_path_goes_on_there(hexapod):
     path = drawn(hexapod, Arc(UP, [0, 0, 2], np.deg2rad(-450), rise=-0.003), Line([0, 0, 0.022]))
-    assert (along(path, 0)[1][-1] - hexapod.home.translation) * 1e3 == pytest.approx([0, -15, 22], abs=1e-12)
+    assert (along(path, 0)[1][-1] - hexapod.home.translation) * 1e3 == pytest.approx(
+        [0, -15, 22], abs=1e-12
+    )
     assert path.breaks[-1] - path.breaks[1] == pytest.approx(0.015, rel=1e-12)
 
 
 @pytest.mark.parametrize(
-    "segment", [Line([0.0, 0.01, 0.03], degrees(3, -8, 20)), Arc(UP, [0, 0, 1], 4, degrees(3, -8, 20))]
+    "segment",
+    [Line([0.0, 0.01, 0.03], degrees(3, -8, 20)), Arc(UP, [0, 0, 1], 4, degrees(3, -8, 20))],
 )
-def test_orientation_turns_the_shorter_way_in_proportion_to_path_length(hexapod, rodrigues, segment):
+def test_orientation_turns_the_shorter_way_in_proportion_to_path_length(
+    hexapod, rodrigues, segment
+):
     start = RigidTransform.from_components(RIM.translation, degrees(-5, 2, -170))
     end = segment.rotate.as_matrix()
     path = drawn(hexapod, segment, start=start)
     s, _, rotation = along(path)
     share = (s - s[0]) / (s[-1] - s[0])
     total = angle_between(rotation[0], end)
-    assert total == pytest.approx(np.arccos((np.trace(rotation[0].T @ end) - 1) / 2), abs=1e-9)  # ≤ 180° by nature
+    assert total == pytest.approx(
+        np.arccos((np.trace(rotation[0].T @ end) - 1) / 2), abs=1e-9
+    )  # ≤ 180° by nature
     assert angle_between(rotation, rotation[0]) == pytest.approx(total * share, abs=1e-14)
     assert np.abs(rotation[-1] - end).max() < 1e-14
     # one axis all the way, fixed in the platform
@@ -168,7 +191,9 @@ def test_a_turn_is_as_long_as_its_angle_times_the_characteristic_length(hexapod,
 
 
 def test_frames(hexapod):
-    """A program in the frame "home" is the same program in the base frame, moved by the home pose."""
+    """A program in the frame "home" is the same program in the base frame, moved by the home
+    pose.
+    """
     home = RigidTransform.from_components([0.01, -0.02, 0.24], degrees(10, -20, 30))
     matrix = home.rotation.as_matrix()
     machine = Hexapod(hexapod.base, hexapod.platform, axes=hexapod.axes, home=home)
@@ -180,7 +205,12 @@ def test_frames(hexapod):
     )
     moved = (
         Line(matrix @ line.to + home.translation, home.rotation * line.rotate),
-        Arc(matrix @ arc.centre + home.translation, matrix @ arc.normal, arc.angle, home.rotation * arc.rotate),
+        Arc(
+            matrix @ arc.centre + home.translation,
+            matrix @ arc.normal,
+            arc.angle,
+            home.rotation * arc.rotate,
+        ),
         Turn(home.rotation * turn.to),
     )
     relative = drawn(machine, *segments, start=start, frame="home")
@@ -220,7 +250,9 @@ def test_dwells_lie_between_the_pieces_and_add_up(hexapod):
 
 
 def test_pieces_meet(hexapod, planned):
-    """Every piece of the preset `circle` starts in the pose in which the one before it ends, and the last at home."""
+    """Every piece of the preset `circle` starts in the pose in which the one before it ends, and
+    the last at home.
+    """
     path = planned("circle", 2).path
     ends = [along(path, piece, points=2) for piece in range(len(path.pieces))]
     for (_, before, turned), (_, after, turned_after) in pairwise(ends):
@@ -231,7 +263,8 @@ def test_pieces_meet(hexapod, planned):
 
 def test_tool_speed_caps_belong_to_their_segment(hexapod):
     chained = chain_pieces(
-        Program([Line([0, 0, 0.02]), Line([0, 0, 0.03], speed=0.01), Turn(degrees(1, 0, 0))]), hexapod
+        Program([Line([0, 0, 0.02]), Line([0, 0, 0.03], speed=0.01), Turn(degrees(1, 0, 0))]),
+        hexapod,
     )
     assert [piece.tool_speed for piece in chained.pieces] == [None, 0.01, None]
 
@@ -245,13 +278,21 @@ def test_tool_speed_caps_belong_to_their_segment(hexapod):
         ),
         (
             [Dwell(0.1), Arc([0, 0, 0.022], [0, 0, 1], 1.0)],
-            ["segment 2, arc", "3 mm out of the plane", "move the centre by [0, 0, 3] mm", "normal"],
+            [
+                "segment 2, arc",
+                "3 mm out of the plane",
+                "move the centre by [0, 0, 3] mm",
+                "normal",
+            ],
         ),
         (
             [Arc(RIM.translation, [0, 0, 1], 1.0)],
             ["segment 1, arc", "the arc's centre", "[15, 0, 25] mm", "give another centre"],
         ),
-        ([Turn(Rotation.identity())], ["segment 1, turn", "already has that orientation", "omit it"]),
+        (
+            [Turn(Rotation.identity())],
+            ["segment 1, turn", "already has that orientation", "omit it"],
+        ),
         (
             [Dwell(0.1), Spline([RIM.translation, [0, 0, 0.02]])],
             ["segment 2, spline", "point 1 is the current point of the path", "[15, 0, 25] mm"],
@@ -261,7 +302,12 @@ def test_tool_speed_caps_belong_to_their_segment(hexapod):
             ["segment 1, spline", "turns back", "add points"],
         ),
         (
-            [Spline([[0, 0, 0.025], [0, 0.01, 0.025]], Rotation.from_euler("z", [[90], [-60]], degrees=True))],
+            [
+                Spline(
+                    [[0, 0, 0.025], [0, 0.01, 0.025]],
+                    Rotation.from_euler("z", [[90], [-60]], degrees=True),
+                )
+            ],
             ["segment 1, spline", "point 2 turns by 150° from point 1", "at most 120°"],
         ),
         ([Dwell(1.0)], ["nothing moves", "add a line"]),
@@ -279,9 +325,13 @@ def test_a_refusal_names_the_line_of_the_file(hexapod):
         drawn(hexapod, Line(RIM.translation, line_number=12))
 
 
-@pytest.mark.parametrize(("height", "refused"), [(1e-6, True), (-1e-6, True), (1e-9, False), (-1e-9, False)])
+@pytest.mark.parametrize(
+    ("height", "refused"), [(1e-6, True), (-1e-6, True), (1e-9, False), (-1e-9, False)]
+)
 def test_an_arc_may_start_out_of_its_plane_by_rounding_only(hexapod, height, refused):
-    """A micron at a radius of 15 mm is refused; a nanometre is taken into the plane of the start itself."""
+    """A micron at a radius of 15 mm is refused; a nanometre is taken into the plane of the start
+    itself.
+    """
     segment = Arc([0, 0, 0.025 + height], [0, 0, 1], 1.0)
     if refused:
         with pytest.raises(MotionError, match=r"0\.001 mm out of the plane"):
@@ -299,7 +349,9 @@ def test_moving_the_centre_as_told_mends_an_arc_out_of_its_plane(hexapod):
     told = str(refusal.value).split("move the centre by [")[1].split("]")[0]
     moved = centre + np.array([float(number) for number in told.split(",")]) * 1e-3
     _, position, _ = along(drawn(hexapod, Arc(moved, normal, 1.0)))
-    assert np.abs((position - hexapod.home.translation - moved) @ normal).max() < 1e-8  # told to six digits
+    assert (
+        np.abs((position - hexapod.home.translation - moved) @ normal).max() < 1e-8
+    )  # told to six digits
     assert np.abs(position[0] - hexapod.home.translation - RIM.translation).max() < ROUNDING
 
 
@@ -319,8 +371,12 @@ def test_a_turn_by_any_angle_goes_all_the_way_round(angle):
 
 
 def test_a_turn_about_an_axis_of_the_work_frame(hexapod):
-    """R_end = exp(angle · about) R_start in the program's frame, whatever the frame and the start."""
-    start = RigidTransform.from_components([0, 0, 0.02], Rotation.from_euler("XYZ", [3, -2, 4], degrees=True))
+    """R_end = exp(angle · about) R_start in the program's frame, whatever the frame and the
+    start.
+    """
+    start = RigidTransform.from_components(
+        [0, 0, 0.02], Rotation.from_euler("XYZ", [3, -2, 4], degrees=True)
+    )
     work = RigidTransform.from_components([0.001, 0, 0], Rotation.from_euler("Z", 0.3))
     program = Program([Turn(about=[1, 2, 0], angle=0.1)], start=start, work=work)
     path = actuate(program, hexapod)
@@ -328,7 +384,9 @@ def test_a_turn_about_an_axis_of_the_work_frame(hexapod):
     end = (
         hexapod.home
         * work
-        * RigidTransform.from_components(start.translation, Rotation.from_rotvec(0.1 * axis) * start.rotation)
+        * RigidTransform.from_components(
+            start.translation, Rotation.from_rotvec(0.1 * axis) * start.rotation
+        )
     )
     x = path.pose_numbers(path.breaks[-1:], np.array([0]))[0]
     assert np.abs(x[3:].reshape(3, 3) - end.rotation.as_matrix()).max() < 1e-14

@@ -15,8 +15,12 @@ TOOL = RigidTransform.from_translation([0.0, 0.0, 0.04])
 PROGRAMS = {  # by a part of the shape's name
     "blend": Program((FIRST, THEN)),
     "by_tool": Program((Line((0.0, 0.0, 0.004)), THEN), tool=TOOL),
-    "even": Program((Spline(((0.001, 0.0, 0.002), (0.003, 0.001, 0.004)), speed=0.002, speed_constant=True),)),
-    "freed": Program((Line((0.002, 0.0, 0.0), free=Free(yaw=True, controls=np.full((3, DEGREE + 1), 0.01))),)),
+    "even": Program(
+        (Spline(((0.001, 0.0, 0.002), (0.003, 0.001, 0.004)), speed=0.002, speed_constant=True),)
+    ),
+    "freed": Program(
+        (Line((0.002, 0.0, 0.0), free=Free(yaw=True, controls=np.full((3, DEGREE + 1), 0.01))),)
+    ),
 }
 
 

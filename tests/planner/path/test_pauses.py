@@ -1,4 +1,6 @@
-"""Recorded samples with a pause, and paths that all but stand still inside: no slower than a rest there, and soon."""
+"""Recorded samples with a pause, and paths that all but stand still inside: no slower than a rest
+there, and soon.
+"""
 
 from time import process_time
 
@@ -14,7 +16,10 @@ LIMITS = {"max_speed": 1.0, "max_acceleration": 5.0, "max_jerk": 100.0}
 @pytest.mark.parametrize("count", [101, 100, 1001])
 @pytest.mark.parametrize("power", [3, 5])
 def test_at_order_2_passing_a_place_of_no_motion_is_no_slower_than_a_rest_there(count, power):
-    """Half a turn whose angle goes as (s − ½)ᵐ: on a knot, and between two. Its halves by themselves, with a rest."""
+    """Half a turn whose angle goes as (s − ½)ᵐ: on a knot, and between two.
+
+    Its halves by themselves, with a rest.
+    """
     limits = {"max_speed": 1.0, "max_acceleration": 5.0}
     s = np.linspace(0, 1, count)
 
@@ -23,9 +28,14 @@ def test_at_order_2_passing_a_place_of_no_motion_is_no_slower_than_a_rest_there(
         return CubicSpline(s, np.c_[np.cos(angle), np.sin(angle)])
 
     whole = pp.time_optimal(path(s), **limits)
-    halves = [pp.time_optimal(path(part), **limits) for part in (np.linspace(0, 0.5, 101), np.linspace(0.5, 1, 101))]
+    halves = [
+        pp.time_optimal(path(part), **limits)
+        for part in (np.linspace(0, 0.5, 101), np.linspace(0.5, 1, 101))
+    ]
     assert whole.certificate.holds
-    assert whole.trajectory.duration <= sum(half.trajectory.duration for half in halves) * (1 + 1e-3)
+    assert whole.trajectory.duration <= sum(half.trajectory.duration for half in halves) * (
+        1 + 1e-3
+    )
 
 
 def record(shape, count, pause):
@@ -41,7 +51,9 @@ def line(s):
 
 @pytest.mark.parametrize(("count", "pause"), [(20, 11), (100, 11), (500, 51)])
 def test_a_pause_costs_little_more_than_a_rest(count, pause):
-    """Two lines of ½ take 2 (½ + v/a + a/j) = 1.5 s; the spline swings about the pause, by less with more samples."""
+    """Two lines of ½ take 2 (½ + v/a + a/j) = 1.5 s; the spline swings about the pause, by less
+    with more samples.
+    """
     begin = process_time()
     made = pp.time_optimal(record(line, count, pause), **LIMITS)
     assert made.certificate.holds
@@ -50,9 +62,12 @@ def test_a_pause_costs_little_more_than_a_rest(count, pause):
 
 
 def test_samples_that_do_not_move_are_left_out():
-    """Swings of rounding about a pause are no motion: as many rests as with a pause of few samples."""
+    """Swings of rounding about a pause are no motion: as many rests as with a pause of few
+    samples.
+    """
     short, long = (
-        pp.time_optimal(record(line, 100, pause), max_speed=1.0, max_acceleration=5.0) for pause in (40, 400)
+        pp.time_optimal(record(line, 100, pause), max_speed=1.0, max_acceleration=5.0)
+        for pause in (40, 400)
     )
     assert long.trajectory.duration == pytest.approx(short.trajectory.duration, rel=1e-6)
     assert len(long.trajectory.path.breaks) == len(short.trajectory.path.breaks)

@@ -1,4 +1,6 @@
-"""Synchronised moves: the thesis' own formulas, straight axes, certified limits, and the calls that make them."""
+"""Synchronised moves: the thesis' own formulas, straight axes, certified limits, and the calls that
+make them.
+"""
 
 from dataclasses import replace
 
@@ -41,27 +43,41 @@ def turned(*degrees):
 @pytest.fixture(scope="module")
 def thesis(hexapod):
     """The hexapod as the thesis' program drives it: 3000 pulses/s, reached in 0.01 s."""
-    slow = [replace(axis, max_speed=2.25e-3, max_acceleration=0.225, max_jerk=None) for axis in hexapod.axes]
+    slow = [
+        replace(axis, max_speed=2.25e-3, max_acceleration=0.225, max_jerk=None)
+        for axis in hexapod.axes
+    ]
     return hexapod.driven_by(slow)
 
 
 @pytest.fixture(scope="module")
 def made(thesis):
-    poses = [((5, 0, 10), None), ((-2.5, 4.33013, 10), turned(1, -2, 3)), ((0, 0, 0), turned(0, 0, 0))]
+    poses = [
+        ((5, 0, 10), None),
+        ((-2.5, 4.33013, 10), turned(1, -2, 3)),
+        ((0, 0, 0), turned(0, 0, 0)),
+    ]
     program = Program(tuple(Synchronised(np.array(to) * MILLI, rotate) for to, rotate in poses))
     return plan(program, thesis), poses
 
 
 def test_the_thesis_formulas_hold(made, thesis):
-    """td = max|pulses|/3000 + t1; leg k runs at |pulses_k|/(t1 + t2), t2 = td - 2 t1 [Sahbaz 2007, Appendix D]."""
+    """td = max|pulses|/3000 + t1; leg k runs at |pulses_k|/(t1 + t2), t2 = td - 2 t1 [Sahbaz 2007,
+    Appendix D].
+    """
     whole, poses = made
     home, q, begin = thesis.home, thesis.home_q, 0.0
     for to, rotate in poses:
-        there = RigidTransform.from_components(np.array(to) * MILLI, turned(0, 0, 0) if rotate is None else rotate)
+        there = RigidTransform.from_components(
+            np.array(to) * MILLI, turned(0, 0, 0) if rotate is None else rotate
+        )
         goal = thesis.inverse(home * there)
         pulses = np.abs(goal - q) / 0.75e-6
         td = pulses.max() / 3000 + 0.01
-        top = np.abs(whole.trajectory.at(np.linspace(begin + 0.02, begin + td - 0.02, 50)).qd) / 0.75e-6
+        top = (
+            np.abs(whole.trajectory.at(np.linspace(begin + 0.02, begin + td - 0.02, 50)).qd)
+            / 0.75e-6
+        )
         assert top == pytest.approx(np.tile(pulses / (td - 0.01), (50, 1)), abs=0.01)
         begin, q = begin + td, goal
     assert whole.trajectory.duration == pytest.approx(begin, rel=1e-6)
@@ -80,7 +96,9 @@ def test_all_axes_start_and_end_together_and_counts_are_exact(made):
 
 
 def test_the_departure_is_the_way_of_the_platform_off_its_chord(made, thesis):
-    """By forward kinematics of straight lines of lengths, which shares nothing with the polynomial."""
+    """By forward kinematics of straight lines of lengths, which shares nothing with the
+    polynomial.
+    """
     whole, poses = made
     ends = [thesis.home_q]
     at = [RigidTransform.identity()]
@@ -95,7 +113,9 @@ def test_the_departure_is_the_way_of_the_platform_off_its_chord(made, thesis):
         off = np.linalg.norm(np.cross(points - points[0], way / np.linalg.norm(way)), axis=1)
         assert found.distance == pytest.approx(off.max(), rel=1e-3)
         assert found.where.segment == n + 1
-    assert max(one.distance for one in whole.departures) > 10e-6  # and that is far more than a pulse
+    assert (
+        max(one.distance for one in whole.departures) > 10e-6
+    )  # and that is far more than a pulse
 
 
 def test_the_calls_are_the_thesis_and_the_cards_end_where_the_plan_does(made, thesis, tmp_path):
@@ -105,7 +125,8 @@ def test_the_calls_are_the_thesis_and_the_cards_end_where_the_plan_does(made, th
     assert done.error < 1.0
     moves = read_moves(tmp_path / "calls.bas")
     assert len(moves) == 18
-    # two axes of one card, four of the other, in the thesis' order; extension is sent as negative counts
+    # two axes of one card, four of the other, in the thesis' order; extension is sent as negative
+    # counts
     assert [(move.function, move.axis) for move in moves[:6]] == [
         ("B_8132.StartTMove", 0), ("B_8132.StartTMove", 1), *(("B_8164.StartTRMove", k) for k in range(4))
     ]  # fmt: skip
@@ -113,8 +134,13 @@ def test_the_calls_are_the_thesis_and_the_cards_end_where_the_plan_does(made, th
     for leg in range(6):
         own = moves[leg::6]
         card = PCI_8132 if leg < 2 else PCI_8164
-        sent = ((m.time, TRMove(*(np.array([x]) for x in (m.distance, 0.0, m.speed)), m.ramp, m.ramp)) for m in own)
-        train = play(replace(card, speed_range=3010.0), at_rest([0]), sent, whole.trajectory.duration + 0.1).train(0)
+        sent = (
+            (m.time, TRMove(*(np.array([x]) for x in (m.distance, 0.0, m.speed)), m.ramp, m.ramp))
+            for m in own
+        )
+        train = play(
+            replace(card, speed_range=3010.0), at_rest([0]), sent, whole.trajectory.duration + 0.1
+        ).train(0)
         assert train.count[-1] == 0
         assert train.ticks[-1] / card.clock_hz <= whole.trajectory.duration + 1e-3
         # every pulse that the virtual card fires is where the plan has the leg, to the pulse
@@ -125,10 +151,16 @@ def test_the_calls_are_the_thesis_and_the_cards_end_where_the_plan_does(made, th
 
 
 def test_what_no_trapezoid_can_do_is_refused(tmp_path, hexapod):
-    half = Program((Arc([0.005, 0, 0.02], [0, 0, 1], np.pi),), start=RigidTransform.from_translation([0, 0, 0.02]))
+    half = Program(
+        (Arc([0.005, 0, 0.02], [0, 0, 1], np.pi),),
+        start=RigidTransform.from_translation([0, 0, 0.02]),
+    )
     made = plan(half, hexapod, order=2)
     with pytest.raises(MotionError, match=r"turns back by .* --motion synchronised"):
-        Sahbaz().write(ExportSource("circle", made.machine, made.trajectory, made.pulses), tmp_path / "calls.bas")
+        Sahbaz().write(
+            ExportSource("circle", made.machine, made.trajectory, made.pulses),
+            tmp_path / "calls.bas",
+        )
     assert not (tmp_path / "calls.bas").exists()
 
 
@@ -152,13 +184,21 @@ def test_on_every_machine_the_axes_go_straight(machine, to, rotate):
 
 
 def test_a_tool_a_work_frame_and_repetitions_lead_where_they_say(hexapod):
-    tool, work = RigidTransform.from_translation([0, 0, 0.03]), RigidTransform.from_translation([0.001, 0, 0.005])
-    moves = (Synchronised([0, 0, 0.04], turned(1, 0, 0)), Synchronised([0.002, 0, 0.035], turned(0, 0, 2)))
+    tool, work = (
+        RigidTransform.from_translation([0, 0, 0.03]),
+        RigidTransform.from_translation([0.001, 0, 0.005]),
+    )
+    moves = (
+        Synchronised([0, 0, 0.04], turned(1, 0, 0)),
+        Synchronised([0.002, 0, 0.035], turned(0, 0, 2)),
+    )
     made = plan(Program(moves, tool=tool, work=work, repeat=2), hexapod)
     assert made.certificate.holds
     assert len(made.departures) == 4
     end = made.trajectory.at(made.trajectory.duration).pose[0] * tool
-    wanted = hexapod.home * work * RigidTransform.from_components([0.002, 0, 0.035], turned(0, 0, 2))
+    wanted = (
+        hexapod.home * work * RigidTransform.from_components([0.002, 0, 0.035], turned(0, 0, 2))
+    )
     assert end.translation == pytest.approx(wanted.translation, abs=1e-12)
 
 
@@ -178,7 +218,11 @@ def test_a_file_says_it_and_is_written_so(tmp_path):
     (tmp_path / "moves.toml").write_text(text)
     again = load_program(tmp_path / "moves.toml")
     first = again.segments[0]
-    assert (first.to, first.speed, first.acceleration) == (pytest.approx([0.001, 0.002, 0.003]), 0.02, 0.5)
+    assert (first.to, first.speed, first.acceleration) == (
+        pytest.approx([0.001, 0.002, 0.003]),
+        0.02,
+        0.5,
+    )
     assert first.rotate.approx_equal(turned(1, 2, 3), 1e-12)
     assert again.segments[1].trigger.name == "lamp"
 
@@ -205,11 +249,16 @@ def test_any_program_becomes_one_of_moves_to_its_poses(hexapod):
         True, False, False, True, False
     ]  # fmt: skip
     ends = [actuate(one, hexapod) for one in (program, found)]
-    wanted, pose = (path.pose_numbers(path.breaks[-1:], np.array([len(path.pieces) - 1]))[0] for path in ends)
+    wanted, pose = (
+        path.pose_numbers(path.breaks[-1:], np.array([len(path.pieces) - 1]))[0] for path in ends
+    )
     assert pose == pytest.approx(wanted, abs=1e-12)
     assert departures(ends[0]) == ()
     with pytest.raises(MotionError, match="would not move at all"):
-        synchronise(Program((program.segments[1],), start=RigidTransform.from_translation([0, 0, 0.02])), hexapod)
+        synchronise(
+            Program((program.segments[1],), start=RigidTransform.from_translation([0, 0, 0.02])),
+            hexapod,
+        )
     with pytest.raises(MotionError, match="no move passes its trigger lamp"):
         synchronise(Program((replace(program.segments[1], trigger=Trigger("lamp")),),
                             start=RigidTransform.from_translation([0, 0, 0.02])), hexapod)  # fmt: skip

@@ -39,7 +39,8 @@ def test_a_blend_shortens_the_way(tolerance):
     way = measure_travel(path.pieces)
     assert path.breaks[-1] == pytest.approx(0.08, rel=1e-12)
     assert way == pytest.approx(sum_chords(path), rel=1e-6)
-    # of each of two right angles at least as much as a straight cut as far from the corner leaves: 2 (√2 − 1) τ
+    # of each of two right angles at least as much as a straight cut as far from the corner leaves:
+    # 2 (√2 − 1) τ
     assert way < 0.08 - 2 * 2 * (np.sqrt(2) - 1) * tolerance
 
 

@@ -31,7 +31,9 @@ def test_a_segment_keeps_no_hold_of_its_arguments():
     assert line.to[0] == 1.0
 
 
-@pytest.mark.parametrize("normal", [[0, 0, 5], [0, 0, 1e-300], [0, 0, 1e300], [3e-320, 4e-320, 0], [3e307, 4e307, 0]])
+@pytest.mark.parametrize(
+    "normal", [[0, 0, 5], [0, 0, 1e-300], [0, 0, 1e300], [3e-320, 4e-320, 0], [3e307, 4e307, 0]]
+)
 def test_an_arc_s_normal_becomes_a_unit_vector(normal):
     unit = Arc([0, 0, 0], normal, 1.0).normal
     # subnormal components carry only three digits, the unit vector stays one all the same
@@ -58,7 +60,10 @@ def test_an_arc_s_normal_becomes_a_unit_vector(normal):
         (lambda: Blend(1e-3, 0.0), "angle 0.0 rad"),
         (lambda: Arc([0, 0, 0], [0, 0, 1], 1.0, rise=math.inf), "rise inf m"),
         (lambda: Program(()), "is empty"),
-        (lambda: Program((Dwell(1.0),), frame="tool"), 'frame is "tool"; expected "home" or "base"'),
+        (
+            lambda: Program((Dwell(1.0),), frame="tool"),
+            'frame is "tool"; expected "home" or "base"',
+        ),
     ],
 )
 def test_nonsense_is_refused_with_its_name(make, phrase):
@@ -67,7 +72,11 @@ def test_nonsense_is_refused_with_its_name(make, phrase):
     assert phrase in str(refusal.value)
 
 
-@given(st.lists(st.floats(-1e9, 1e9).filter(lambda x: x == 0 or abs(x) > 1e-9), min_size=3, max_size=3).filter(any))
+@given(
+    st.lists(
+        st.floats(-1e9, 1e9).filter(lambda x: x == 0 or abs(x) > 1e-9), min_size=3, max_size=3
+    ).filter(any)
+)
 def test_a_normal_that_was_brought_to_length_one_stays_as_it_is(normal):
     once = Arc([0, 0, 1], normal, 1.0).normal
     assert np.linalg.norm(once) == pytest.approx(1.0, abs=1e-15)

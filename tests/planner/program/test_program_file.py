@@ -9,7 +9,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from kinematics import FileError, MotionError
-from planner import Arc, Blend, Dwell, Line, Stop, Through, Trigger, Turn, load_program, program_names
+from planner import (
+    Arc,
+    Blend,
+    Dwell,
+    Line,
+    Stop,
+    Through,
+    Trigger,
+    Turn,
+    load_program,
+    program_names,
+)
 
 CIRCLE = (files("planner") / "presets" / "circle.toml").read_text(encoding="utf-8")
 TOP = 'schema = 1\nlength = "mm"\nangle = "deg"\n'
@@ -36,12 +47,24 @@ def moving_axes(x, y, z):
 
 def test_the_circle_is_the_program_of_the_design():
     program = load_program("circle")
-    assert (program.name, program.machine, program.frame, program.start) == ("circle", "hexapod", "home", None)
+    assert (program.name, program.machine, program.frame, program.start) == (
+        "circle",
+        "hexapod",
+        "home",
+        None,
+    )
     kinds = [type(segment) for segment in program.segments]
     assert kinds == [Line, Line, Arc, Arc, Line, Dwell, Turn, Turn, Line]
-    assert all(segment.join == Stop() for segment in program.segments if not isinstance(segment, Dwell))
+    assert all(
+        segment.join == Stop() for segment in program.segments if not isinstance(segment, Dwell)
+    )
     up, out, flat, tilted, back, rest, turned, straight, down = program.segments
-    for line, to in ((up, (0, 0, 0.025)), (out, (0.015, 0, 0.025)), (back, (0, 0, 0.025)), (down, (0, 0, 0))):
+    for line, to in (
+        (up, (0, 0, 0.025)),
+        (out, (0.015, 0, 0.025)),
+        (back, (0, 0, 0.025)),
+        (down, (0, 0, 0)),
+    ):
         np.testing.assert_array_equal(line.to, to)
     assert (flat.speed, tilted.speed, rest.duration) == (0.03, None, 0.2)
     for arc in (flat, tilted):
@@ -71,7 +94,8 @@ def test_segments_know_the_lines_of_their_file():
 
 def test_plain_numbers_and_unit_strings_mean_the_same(load):
     plain = load(
-        TOP + "start = [1, 2, 3, 10, 20, 30]\n[[segment]]\nline = { to = [25.4, 0, -1], rotate = [30, 0, 90] }\n"
+        TOP
+        + "start = [1, 2, 3, 10, 20, 30]\n[[segment]]\nline = { to = [25.4, 0, -1], rotate = [30, 0, 90] }\n"
     )
     units = load(
         'schema = 1\nstart = ["1 mm", "0.2 cm", "3000 um", "10 deg", "1200 arcmin", "30°"]\n'
@@ -82,7 +106,9 @@ def test_plain_numbers_and_unit_strings_mean_the_same(load):
         np.testing.assert_allclose(line.to, [0.0254, 0, -0.001], rtol=1e-15)
         np.testing.assert_allclose(line.rotate.as_matrix(), moving_axes(30, 0, 90), atol=1e-15)
         np.testing.assert_allclose(program.start.translation, [0.001, 0.002, 0.003], rtol=1e-15)
-        np.testing.assert_allclose(program.start.rotation.as_matrix(), moving_axes(10, 20, 30), atol=1e-15)
+        np.testing.assert_allclose(
+            program.start.rotation.as_matrix(), moving_axes(10, 20, 30), atol=1e-15
+        )
 
 
 def test_declared_units_may_be_any_of_their_dimension(load):
@@ -138,7 +164,9 @@ arc = {{ centre = [0, 2, 3], normal = [0, 0, 2], angle = 720, rise = -4 }}
 """
     spline, point, arc = load(text).segments
     np.testing.assert_allclose(spline.through, [[1e-3, 2e-3, 3e-3], [0.0254, 0, 0]], rtol=1e-15)
-    np.testing.assert_allclose(spline.rotate.as_rotvec(), [[0, 0, np.deg2rad(5)], [0, 0.1, 0]], atol=1e-15)
+    np.testing.assert_allclose(
+        spline.rotate.as_rotvec(), [[0, 0, np.deg2rad(5)], [0, 0.1, 0]], atol=1e-15
+    )
     assert (spline.speed, spline.join) == (0.003, Blend(0.05e-3, np.deg2rad(0.5)))
     assert (point.rotate, point.join, point.through.shape) == (None, Through(), (1, 3))
     assert (arc.angle, arc.rise, arc.join) == (4 * np.pi, -0.004, Stop())
@@ -164,7 +192,10 @@ arc = {{ centre = [0, 2, 3], normal = [0, 0, 2], angle = 720, rise = "3 deg" }}
     found = [(fault.key, fault.message) for fault in refusal.value.faults]
     expected = [
         ("segment[1].spline.through", "points 2 and 3 are the same; omit one of them"),
-        ("segment[2].spline", "2 orientations in rotate for 1 point in through: give one for each, or none"),
+        (
+            "segment[2].spline",
+            "2 orientations in rotate for 1 point in through: give one for each, or none",
+        ),
         ("segment[2].join.angle", "must be"),
         ("segment[3].spline.through", "at least one point"),
         ("segment[3].join", 'write "stop", "through", { blend'),
@@ -196,7 +227,9 @@ turn = {{ to = [0, 0, 0] }}
 trigger = {{ name = "turned" }}
 """)
     np.testing.assert_allclose(program.tool.translation, [0, 0, -0.05])
-    np.testing.assert_allclose(program.tool.rotation.as_matrix(), moving_axes(10, 20, 30), atol=1e-15)
+    np.testing.assert_allclose(
+        program.tool.rotation.as_matrix(), moving_axes(10, 20, 30), atol=1e-15
+    )
     np.testing.assert_allclose(program.work.as_matrix()[:3, 3], [0.0254, 0, 0.002])
     assert (program.repeat, program.start_speed, program.end_speed) == (3, 0.005, 0.0)
     line, arc, turn = program.segments
@@ -204,7 +237,13 @@ trigger = {{ name = "turned" }}
     assert (arc.speed, arc.speed_constant, arc.trigger) == (None, False, Trigger("half", 0.5))
     assert turn.trigger == Trigger("turned", 1.0)
     plain = load(TOP + "[[segment]]\nline = { to = [1, 2, 3] }\n")
-    assert (plain.tool, plain.work, plain.repeat, plain.start_speed, plain.end_speed) == (None, None, 1, 0.0, 0.0)
+    assert (plain.tool, plain.work, plain.repeat, plain.start_speed, plain.end_speed) == (
+        None,
+        None,
+        1,
+        0.0,
+        0.0,
+    )
     assert (plain.segments[0].speed_constant, plain.segments[0].trigger) == (False, None)
 
 
@@ -249,7 +288,9 @@ def test_an_undeclared_angle_names_the_line_to_add(load):
         load(CIRCLE.replace('angle = "deg"', ""))
     # two arcs and two turns of three angles
     assert len(refusal.value.faults) == 2 + 2 * 3
-    assert all('add the line angle = "deg" at the top' in fault.message for fault in refusal.value.faults)
+    assert all(
+        'add the line angle = "deg" at the top' in fault.message for fault in refusal.value.faults
+    )
 
 
 def test_names_are_the_bundled_files():
@@ -260,14 +301,30 @@ def test_names_are_the_bundled_files():
         load_program("circel")
 
 
-@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     st.integers(0, len(CIRCLE)),
     st.integers(0, 12),
     st.one_of(
         st.text(max_size=6),
         st.sampled_from(
-            ["nan", "-inf", "[", "]]", "{", '"', "'''", "1e999", "9" * 400, "0xffff", "[[segment]]\n", "\n", "true"]
+            [
+                "nan",
+                "-inf",
+                "[",
+                "]]",
+                "{",
+                '"',
+                "'''",
+                "1e999",
+                "9" * 400,
+                "0xffff",
+                "[[segment]]\n",
+                "\n",
+                "true",
+            ]
         ),
     ),
 )

@@ -30,7 +30,9 @@ from planner import (
 from planner.program.program_writer import program_toml
 
 LAST = 4 * np.finfo(float).eps
-"""A length is rounded once from mm to m; a turn through sines and cosines of angles of at most pi."""
+"""A length is rounded once from mm to m; a turn through sines and cosines of angles of at most
+pi.
+"""
 
 
 @pytest.fixture
@@ -77,12 +79,21 @@ turns = st.tuples(*[st.floats(-3, 3)] * 3).map(lambda angles: Rotation.from_eule
 positive = st.floats(1e-6, 1e6)
 tolerances = st.floats(1e-6, MAX_DISTANCE)
 joins = st.one_of(
-    st.just(Stop()), st.just(Through()), st.builds(Blend, tolerances), st.builds(Blend, tolerances, st.floats(1e-6, 1))
+    st.just(Stop()),
+    st.just(Through()),
+    st.builds(Blend, tolerances),
+    st.builds(Blend, tolerances, st.floats(1e-6, 1)),
 )
-letters = st.characters(exclude_categories=["Cs"]).filter(lambda letter: describe_control_character(letter) is None)
+letters = st.characters(exclude_categories=["Cs"]).filter(
+    lambda letter: describe_control_character(letter) is None
+)
 names = st.text(letters, min_size=1)
 triggers = st.none() | st.builds(Trigger, names, st.floats(0, 1))
-caps = {"acceleration": st.none() | positive, "angular_speed": st.none() | positive, "trigger": triggers}
+caps = {
+    "acceleration": st.none() | positive,
+    "angular_speed": st.none() | positive,
+    "trigger": triggers,
+}
 frees = st.none() | st.builds(Free, st.just(True), st.floats(0, 1.5))
 drawn = {**caps, "speed": st.none() | positive, "join": joins, "free": frees}
 directions = points.filter(lambda p: np.linalg.norm(p) > 1e-3)
@@ -100,14 +111,21 @@ segments = st.one_of(
         lengths.map(lambda a: (("a", a), ("b_1", 2.0))),
         **drawn,
     ),
-    st.builds(lambda to, join, speed: Turn(to, join, angular_speed=speed), turns, joins, caps["angular_speed"]),
+    st.builds(
+        lambda to, join, speed: Turn(to, join, angular_speed=speed),
+        turns,
+        joins,
+        caps["angular_speed"],
+    ),
     st.builds(lambda about, angle: Turn(about=about, angle=angle), directions, angles),
     st.builds(Dwell, positive),
 )
 poses = st.none() | st.builds(RigidTransform.from_components, points, turns)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60)
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60
+)
 @given(
     st.builds(
         Program,
@@ -130,7 +148,10 @@ def test_any_program_comes_back(again, program):
 @pytest.mark.parametrize("take", [Trigger, lambda name: Program([Dwell(1.0)], machine=name)])
 @pytest.mark.parametrize("name", ["\x08", "a\x1b[31m", "a\rb", "\x9b2J", "\u202ea", "a\u2028"])
 def test_a_name_that_no_file_may_hold_is_refused_where_it_is_given(name, take):
-    with pytest.raises(MotionError, match=r"holds \\(r|x[0-9a-f]{2}|u[0-9a-f]{4}), which is no letter .*; take it out"):
+    with pytest.raises(
+        MotionError,
+        match=r"holds \\(r|x[0-9a-f]{2}|u[0-9a-f]{4}), which is no letter .*; take it out",
+    ):
         take(name)
 
 

@@ -19,7 +19,9 @@ def find_longest_commands(axis, tolerance, least=1):
     at = 0
     while at < len(axis):
         end = next(turn for turn in turns if turn > at)
-        interval, count, add = find_longest(axis.ticks[at:end] - last, tolerance, least if at else 0)
+        interval, count, add = find_longest(
+            axis.ticks[at:end] - last, tolerance, least if at else 0
+        )
         commands.append((interval, count, add))
         last += count * interval + add * (count * (count - 1) // 2)
         at += count

@@ -1,4 +1,6 @@
-"""The step queue: every pulse within its tolerance, by an independent decoder; nearly as long as commands can be."""
+"""The step queue: every pulse within its tolerance, by an independent decoder; nearly as long as
+commands can be.
+"""
 
 from dataclasses import replace
 from importlib import import_module
@@ -20,10 +22,16 @@ def axis_of(gaps, signs=None, first=50_000):
 
 
 def decode(queue):
-    """Pulse k (from 0) of a command falls at first + k·interval + add·k(k+1)/2, first = last + interval."""
+    """Pulse k (from 0) of a command falls at first + k·interval + add·k(k+1)/2, first = last +
+    interval.
+    """
     ticks, signs, last = [], [], 0
     for interval, count, add, sign, reset in zip(
-        *(getattr(queue, name).tolist() for name in ("interval", "count", "add", "direction", "reset")), strict=True
+        *(
+            getattr(queue, name).tolist()
+            for name in ("interval", "count", "add", "direction", "reset")
+        ),
+        strict=True,
     ):
         assert 0 <= interval < 2**31  # further ahead is past to firmware
         assert 1 <= count <= 65535
@@ -49,13 +57,21 @@ def assert_kept(axis, queue, tolerance, least=1):
 
 @st.composite
 def axes(draw):
-    """Gaps that are smooth, ragged, of one tick, or longer than an interval can be; runs of either direction."""
+    """Gaps that are smooth, ragged, of one tick, or longer than an interval can be; runs of either
+    direction.
+    """
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     parts = [[draw(st.integers(1, 50_000))]]
-    for kind in draw(st.lists(st.sampled_from(["smooth", "ragged", "close", "far", "even"]), min_size=1, max_size=4)):
+    for kind in draw(
+        st.lists(
+            st.sampled_from(["smooth", "ragged", "close", "far", "even"]), min_size=1, max_size=4
+        )
+    ):
         n = int(random.integers(1, 200))
         base = 10 ** random.uniform(0.5, 5)
-        smooth = base * (1 + np.sin(np.linspace(0, random.uniform(0, 9), n)) * random.uniform(0, 0.95))
+        smooth = base * (
+            1 + np.sin(np.linspace(0, random.uniform(0, 9), n)) * random.uniform(0, 0.95)
+        )
         ways = {
             "smooth": smooth,
             "ragged": random.integers(1, 10**4, n),
@@ -70,8 +86,14 @@ def axes(draw):
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.lists(axes(), min_size=1, max_size=3), st.sampled_from([0, 1, 3, 10, 100, 2500, 10**5]), st.booleans())
-@example([axis_of([3] * 9000)], 2500, True)  # blocks end among pulses that tolerance would let pass each other
+@given(
+    st.lists(axes(), min_size=1, max_size=3),
+    st.sampled_from([0, 1, 3, 10, 100, 2500, 10**5]),
+    st.booleans(),
+)
+@example(
+    [axis_of([3] * 9000)], 2500, True
+)  # blocks end among pulses that tolerance would let pass each other
 def test_any_pulses_are_kept_within_the_tolerance_in_order_and_apart(axes, tolerance, apart):
     least = min(int(np.diff(axis.ticks).min()) for axis in axes) if apart else 1
     for axis, queue in zip(axes, compress(axes, tolerance, least), strict=True):
@@ -108,7 +130,9 @@ def test_nine_tenths_of_an_exhaustive_search_on_the_hexapod(planned, micro, puls
 
 
 def test_the_exhaustive_search_keeps_its_own_promise():
-    """What the ratio is measured against is sound: within the tolerance, and no command can be longer."""
+    """What the ratio is measured against is sound: within the tolerance, and no command can be
+    longer.
+    """
     random = np.random.default_rng(3)
     axis = axis_of(np.rint(400 + 200 * np.sin(np.linspace(0, 6, 300)) + random.normal(0, 2, 300)))
     last, at = 0, 0
@@ -128,7 +152,9 @@ def test_the_exhaustive_search_keeps_its_own_promise():
 
 def test_pieces_of_bounded_memory_make_the_same_queue(monkeypatch):
     random = np.random.default_rng(1)
-    legs = [axis_of(400 + random.integers(0, 9, 5000), random.choice([-1, 1], 5001)) for _ in range(3)]
+    legs = [
+        axis_of(400 + random.integers(0, 9, 5000), random.choice([-1, 1], 5001)) for _ in range(3)
+    ]
     whole = compress(legs, 5)
     monkeypatch.setattr(import_module("planner.pulses.compression"), "PIECE_PULSES", 300)
     for leg, queue, one in zip(legs, compress(legs, 5), whole, strict=True):
@@ -147,7 +173,11 @@ def test_even_growth_is_one_command_without_any_tolerance():
     """Gaps 1000, 997, 994, …: interval and add say it all."""
     axis = axis_of(1000 - 3 * np.arange(120))
     (queue,) = compress([axis], 0)
-    assert [queue.interval[1:].tolist(), queue.count.tolist(), queue.add[1:].tolist()] == [[1000], [1, 120], [-3]]
+    assert [queue.interval[1:].tolist(), queue.count.tolist(), queue.add[1:].tolist()] == [
+        [1000],
+        [1, 120],
+        [-3],
+    ]
 
 
 def test_waits_longer_than_an_interval_reset_the_clock():
@@ -169,7 +199,12 @@ def test_axes_without_pulses_and_with_one():
 @pytest.mark.parametrize(
     ("axis", "tolerance", "least", "told"),
     [
-        (axis_of([5, 4, 5]), 1, 5, "axis leg: the pulses at ticks 50005 and 50009 are 4 ticks apart, limit 5"),
+        (
+            axis_of([5, 4, 5]),
+            1,
+            5,
+            "axis leg: the pulses at ticks 50005 and 50009 are 4 ticks apart, limit 5",
+        ),
         (axis_of([0]), 1, 1, "0 ticks apart"),
         (axis_of([9], first=-1), 1, 1, "first pulse is at tick -1"),
         (axis_of([9]), -1, 1, "tolerance -1"),

@@ -1,4 +1,6 @@
-"""The 28-bit counters of the cards: their last counts are accepted, and the next are refused, before any file."""
+"""The 28-bit counters of the cards: their last counts are accepted, and the next are refused,
+before any file.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -16,7 +18,8 @@ LOW, HIGH = -134_217_728, 134_217_727  # ∓2²⁷, the latter less one
 PULSE = 1e-5
 WAY = 200  # counts of the motion
 
-# Direction of the wiring, where it takes the counter, and from where; the last three do not move beyond their start.
+# Direction of the wiring, where it takes the counter, and from where; the last three do not move
+# beyond their start.
 REACHED = [
     (1, HIGH, HIGH - WAY), (1, LOW, LOW + WAY), (-1, HIGH, HIGH - WAY), (-1, LOW, LOW + WAY),
     (1, HIGH - WAY, HIGH), (1, LOW + WAY, LOW), (1, HIGH, HIGH),
@@ -26,7 +29,9 @@ REACHED = [
 def moved(direction, final, start):
     """An axis, its motion between two counts of its wiring, and its home, far from both."""
     axis = Axis("x", pulse=PULSE, direction=direction, card="PCI-8164", channel=0)
-    motion = through(np.array([[0.0], [(final - start) * direction * PULSE]]), np.zeros((2, 1)), [0.0, 0.5])
+    motion = through(
+        np.array([[0.0], [(final - start) * direction * PULSE]]), np.zeros((2, 1)), [0.0, 0.5]
+    )
     return axis, motion, np.array([-start * direction * PULSE])
 
 
@@ -45,12 +50,16 @@ def test_and_no_further(direction, final, start):
     told = f"axis x: the motion counts to {HIGH + 1 if beyond > 0 else LOW - 1}, beyond .* of card PCI-8164"
     with pytest.raises(MotionError, match=told):
         generate(motion, [axis], home)
-    generate(motion, [replace(axis, card=None, channel=None)], home)  # without a card nothing has to hold it
+    generate(
+        motion, [replace(axis, card=None, channel=None)], home
+    )  # without a card nothing has to hold it
 
 
 @pytest.mark.parametrize("format_", [AdlinkC, AdlinkCsv])
 @pytest.mark.parametrize(("direction", "final", "start"), REACHED)
-def test_calls_of_the_cards_reach_the_same_counts_and_no_further(tmp_path, format_, direction, final, start):
+def test_calls_of_the_cards_reach_the_same_counts_and_no_further(
+    tmp_path, format_, direction, final, start
+):
     """Of pulses that `generate` made for no card, so that the format itself has to look."""
     for beyond in (0, 1 if max(final, start) == HIGH else -1):
         axis, motion, home = moved(direction, final + beyond, start + beyond)
@@ -60,7 +69,8 @@ def test_calls_of_the_cards_reach_the_same_counts_and_no_further(tmp_path, forma
         path = tmp_path / f"calls{beyond}"
         if beyond:
             with pytest.raises(
-                MotionError, match=f"the motion counts to {HIGH + 1 if beyond > 0 else LOW - 1}, beyond"
+                MotionError,
+                match=f"the motion counts to {HIGH + 1 if beyond > 0 else LOW - 1}, beyond",
             ):
                 format_().write(source, path)
             assert not path.exists()

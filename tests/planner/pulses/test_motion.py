@@ -20,7 +20,9 @@ def loop(motor, width, before):
 
 
 def test_play_by_hand():
-    """Play of 1.5: pushed up to 3, left there until the motor has crossed the play at 1.5, taken down, left again."""
+    """Play of 1.5: pushed up to 3, left there until the motor has crossed the play at 1.5, taken
+    down, left again.
+    """
     motor = np.array([0, 1, 2, 3, 2, 1, 0, 1, 2, 1], float)
     assert play_operator(motor, 1.5, 0.0).tolist() == [0, 1, 2, 3, 3, 2.5, 1.5, 1.5, 2, 2]
 
@@ -44,7 +46,9 @@ def test_how_finely_a_way_is_sampled_changes_nothing(motor, parts):
     """Play knows no time: only the turns count."""
     ends = np.array(motor, float)
     fine = np.interp(np.arange((len(ends) - 1) * parts + 1) / parts, np.arange(len(ends)), ends)
-    assert play_operator(fine, 2.7, 0.0)[::parts] == pytest.approx(play_operator(ends, 2.7, 0.0), abs=1e-12)
+    assert play_operator(fine, 2.7, 0.0)[::parts] == pytest.approx(
+        play_operator(ends, 2.7, 0.0), abs=1e-12
+    )
 
 
 def test_there_and_back_differ_by_the_play():
@@ -59,7 +63,9 @@ def test_there_and_back_differ_by_the_play():
 def test_the_screw_is_beyond_where_it_counts_by_its_error_and_back():
     axis = Axis("x", lead_error=((0.0, 0.0), (0.1, 1e-4), (0.2, -1e-4)))
     counted = np.array([-0.05, 0.0, 0.05, 0.15, 0.3])
-    assert apply_screw(counted, axis) == pytest.approx([-0.05, 0.0, 0.05005, 0.15, 0.2999], abs=1e-16)
+    assert apply_screw(counted, axis) == pytest.approx(
+        [-0.05, 0.0, 0.05005, 0.15, 0.2999], abs=1e-16
+    )
     assert invert_screw(apply_screw(counted, axis), axis) == pytest.approx(counted, abs=1e-16)
     plain = Axis("x")
     assert apply_screw(counted, plain) is invert_screw(counted, plain) is counted

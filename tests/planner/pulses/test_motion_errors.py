@@ -30,12 +30,15 @@ def test_no_rate_is_above_its_bound_and_one_comes_near(times):
 
         def at(t, curve=curve):
             return SimpleNamespace(
-                s=t, **{"q" + n * "d": curve.derivative(n)(np.atleast_1d(t)) for n in range(3)}, qddd=0
+                s=t,
+                **{"q" + n * "d": curve.derivative(n)(np.atleast_1d(t)) for n in range(3)},
+                qddd=0,
             )
 
         pieces = fit(SimpleNamespace(knots=knots, duration=knots[-1], at=at), np.array([1e-9]))
         bound, where = bound_rate(pieces, 0, times)
         true = abs(curve.derivative(times)(np.linspace(0, knots[-1], 20_001)))[:, 0]
-        # Above by 1/64 of what the control points of a piece have: those of a quintic are within its own size.
+        # Above by 1/64 of what the control points of a piece have: those of a quintic are within
+        # its own size.
         assert true.max() <= bound * (1 + 1e-9) <= 1.05 * true.max()
         assert abs(curve.derivative(times)(where))[0] >= 0.9 * bound

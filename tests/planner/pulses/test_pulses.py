@@ -1,4 +1,6 @@
-"""Pulse schedules against closed-form crossing times, and the half-pulse bound on random motions."""
+"""Pulse schedules against closed-form crossing times, and the half-pulse bound on random
+motions.
+"""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -50,7 +52,9 @@ def fire(motion, home=None, pulse=PULSE, clock=CLOCK):
 
 
 def excess(schedule, motion, t):
-    """By how much (m) |count·pulse - (q - home)| passes ½ pulse + one tick's travel at the instants t; (N, axes)."""
+    """By how much (m) |count·pulse - (q - home)| passes ½ pulse + one tick's travel at the instants
+    t; (N, axes).
+    """
     q, tick = motion.at(t).q, 1 / schedule.clock_hz
     home = np.array([axis.home for axis in schedule.axes])
     pulse = np.array([axis.pulse for axis in schedule.axes])
@@ -66,7 +70,9 @@ def assert_sound(schedule, motion, instants=2000):
     for k, axis in enumerate(schedule.axes):
         assert (np.diff(axis.ticks) > 0).all()
         assert abs(axis.final - (ends[k] - axis.home) / axis.pulse) <= 0.5 + ROUNDING / axis.pulse
-        t = np.concatenate((t, axis.ticks[:200] / schedule.clock_hz, axis.ticks[-200:] / schedule.clock_hz))
+        t = np.concatenate(
+            (t, axis.ticks[:200] / schedule.clock_hz, axis.ticks[-200:] / schedule.clock_hz)
+        )
     assert excess(schedule, motion, np.clip(t, 0, motion.duration)).max() <= ROUNDING
 
 
@@ -101,12 +107,17 @@ def test_parabola_fires_at_the_roots_of_the_quadratic_both_ways():
 def test_sine_fires_at_the_arcsines():
     amplitude, frequency = 1.2345e-3, 7.0
     quarter = np.pi / 2 / frequency
-    motion = Sines(*(np.array([x]) for x in (amplitude, frequency, 0.0, 0.3)), np.linspace(0, 4 * quarter, 30))
+    motion = Sines(
+        *(np.array([x]) for x in (amplitude, frequency, 0.0, 0.3)), np.linspace(0, 4 * quarter, 30)
+    )
     (axis,) = fire(motion, home=[0.3]).axes
     count = int(amplitude / PULSE + 0.5)
     rise = np.arcsin((np.arange(count) + 0.5) * PULSE / amplitude) / frequency
-    expected = np.concatenate((rise, 2 * quarter - rise[::-1], 2 * quarter + rise, 4 * quarter - rise[::-1]))
-    # 0.3 + sin rounds to 5.6e-17 m, at the slowest crossing (0.1 mm/s) 1e-5 tick: a tie may fall the other way.
+    expected = np.concatenate(
+        (rise, 2 * quarter - rise[::-1], 2 * quarter + rise, 4 * quarter - rise[::-1])
+    )
+    # 0.3 + sin rounds to 5.6e-17 m, at the slowest crossing (0.1 mm/s) 1e-5 tick: a tie may fall
+    # the other way.
     assert abs(axis.ticks - expected * CLOCK).max() <= 0.5 + 1e-4
     assert (axis.direction == np.repeat([1, -1, -1, 1], count)).all()
 
@@ -184,7 +195,9 @@ def test_a_turning_point_on_a_level_never_chatters(ulps, base):
     piece = [curve, -curve * span, base + 0.1 * PULSE]
     motion = one_axis([piece] * 4, np.arange(5) * span)
     (axis,) = fire(motion, home=[base]).axes
-    at_top = np.flatnonzero(abs(axis.ticks[:, None] - (np.arange(4) + 0.5) * span * CLOCK).min(axis=1) < 100)
+    at_top = np.flatnonzero(
+        abs(axis.ticks[:, None] - (np.arange(4) + 0.5) * span * CLOCK).min(axis=1) < 100
+    )
     assert len(at_top) == 0
     assert axis.final == 0
     assert (np.diff(axis.ticks) > 0).all()
@@ -193,10 +206,16 @@ def test_a_turning_point_on_a_level_never_chatters(ulps, base):
 
 def test_a_turning_point_beyond_a_level_fires_a_pair_unless_both_fall_in_one_tick():
     deceleration = 0.225
-    for half_width, pulses in ((0.2, 0), (3.2, 2)):  # ticks from crossing to turn, which is in the middle of a tick
+    for half_width, pulses in (
+        (0.2, 0),
+        (3.2, 2),
+    ):  # ticks from crossing to turn, which is in the middle of a tick
         turn = 100_000 / CLOCK
         top = 0.5 * PULSE + deceleration / 2 * (half_width / CLOCK) ** 2
-        motion = one_axis([[-deceleration / 2, deceleration * turn, top - deceleration / 2 * turn**2]], [0, 2 * turn])
+        motion = one_axis(
+            [[-deceleration / 2, deceleration * turn, top - deceleration / 2 * turn**2]],
+            [0, 2 * turn],
+        )
         (axis,) = generate(motion, [Axis("x", pulse=PULSE)], [0.0], CLOCK).axes
         near = abs(axis.ticks - 100_000) < 10
         assert np.count_nonzero(near) == pulses
@@ -208,9 +227,14 @@ def test_a_turning_point_beyond_a_level_fires_a_pair_unless_both_fall_in_one_tic
 @pytest.mark.parametrize("level", [-1.5, -0.5, 0.5, 2.5])
 @pytest.mark.parametrize("way", [1, -1])
 def test_rests_on_a_level_do_not_fire_and_departures_fire_once(level, way):
-    """Dwell on a level, leave, come back, dwell: the lower count at the start, at the end the one it came with."""
+    """Dwell on a level, leave, come back, dwell: the lower count at the start, at the end the one
+    it came with.
+    """
     away = way * 3.2 * PULSE
-    leave, back = [-2 * away, 3 * away, 0.0, level * PULSE], [2 * away, -3 * away, 0.0, level * PULSE + away]
+    leave, back = (
+        [-2 * away, 3 * away, 0.0, level * PULSE],
+        [2 * away, -3 * away, 0.0, level * PULSE + away],
+    )
     rest = [0.0, 0.0, 0.0, level * PULSE]
     motion = one_axis([rest, leave, back, rest, rest], [0, 1, 2, 3, 4, 4.5])
     schedule = fire(motion, home=[0.0])
@@ -237,7 +261,9 @@ def test_a_motion_that_starts_or_ends_on_a_level_keeps_the_bound():
 
 def test_a_pause_on_a_level_is_crossed_once():
     """(t - ½)³ stands still for an instant on the level."""
-    motion = one_axis([[8 * PULSE, -12 * PULSE, 6 * PULSE, -0.5 * PULSE]], [0, 1.0])  # from -½ to 1½ through ½ at t = ½
+    motion = one_axis(
+        [[8 * PULSE, -12 * PULSE, 6 * PULSE, -0.5 * PULSE]], [0, 1.0]
+    )  # from -½ to 1½ through ½ at t = ½
     (axis,) = fire(motion, home=[0.0]).axes
     assert (axis.direction == 1).all()
     assert axis.final - axis.start == len(axis)
@@ -254,12 +280,16 @@ def test_empty_intervals_between_knots_change_nothing():
 def test_long_programs_keep_their_ticks():
     """A minute, 6e8 ticks, with the same short move at its end as at its start."""
     speed = 0.0173
-    motion = one_axis([[speed, 0.0], [0.0, speed * 0.001], [speed, speed * 0.001]], [0, 0.001, 60.0, 60.001])
+    motion = one_axis(
+        [[speed, 0.0], [0.0, speed * 0.001], [speed, speed * 0.001]], [0, 0.001, 60.0, 60.001]
+    )
     (axis,) = fire(motion).axes
     first, second = axis.ticks[axis.ticks < CLOCK], axis.ticks[axis.ticks > CLOCK]
     exact = (np.arange(round(2 * speed * 0.001 / PULSE)) + 0.5) * PULSE / speed * CLOCK
     assert (first == np.rint(exact[: len(first)])).all()
-    assert abs(second - (exact[len(first) :] + 59.999 * CLOCK)).max() <= 0.5 + 1e-6  # 60 s rounds to 7e-8 tick
+    assert (
+        abs(second - (exact[len(first) :] + 59.999 * CLOCK)).max() <= 0.5 + 1e-6
+    )  # 60 s rounds to 7e-8 tick
     assert axis.ticks[-1] > 6e8
 
 
@@ -273,7 +303,9 @@ def test_pulses_faster_than_the_clock_are_refused_with_axis_time_rate_and_remedy
 
 
 def test_speeding_up_past_the_clock_is_refused_at_the_place():
-    """One pulse per tick is 7.5 m/s; 20 m/s are reached at 10 ms, whether the average stays below one or not."""
+    """One pulse per tick is 7.5 m/s; 20 m/s are reached at 10 ms, whether the average stays below
+    one or not.
+    """
     for run_in in (0.0, 0.02):
         motion = one_axis([[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0]], [0, run_in, run_in + 0.01])
         with pytest.raises(Infeasible) as refused:
@@ -348,14 +380,20 @@ def test_a_schedule_cannot_be_changed():
 
 
 @pytest.mark.parametrize("polishing", [0, 5])
-def test_where_the_fitted_pieces_cannot_tell_the_motion_itself_does(planned, hexapod, monkeypatch, polishing):
-    """Pieces that stray by 3e-4 pulse take slow crossings to the wrong tick; asked, the motion puts them right."""
+def test_where_the_fitted_pieces_cannot_tell_the_motion_itself_does(
+    planned, hexapod, monkeypatch, polishing
+):
+    """Pieces that stray by 3e-4 pulse take slow crossings to the wrong tick; asked, the motion puts
+    them right.
+    """
     trajectory = planned("bare-circle", 2).trajectory
     source = levels
     true = source.fit(trajectory, np.full(6, 1e-12))
     stray = 3e-4 * hexapod.axes[0].pulse
     strayed = true.coefficients + stray * np.eye(6)[0][:, None]
-    monkeypatch.setattr(source, "fit", lambda *_: replace(true, coefficients=strayed, error=true.error + stray))
+    monkeypatch.setattr(
+        source, "fit", lambda *_: replace(true, coefficients=strayed, error=true.error + stray)
+    )
     monkeypatch.setattr(source, "NEWTON_STEPS", polishing)
     schedule = generate(trajectory, hexapod.axes, hexapod.home_q)
     assert check(schedule, trajectory, hexapod.axes, hexapod.home_q).holds == (polishing > 0)

@@ -1,4 +1,6 @@
-"""The realised path: by other kinematics than the library's own, and within what theory allows, on every machine."""
+"""The realised path: by other kinematics than the library's own, and within what theory allows, on
+every machine.
+"""
 
 import sys
 from dataclasses import replace
@@ -13,7 +15,9 @@ from planner import Arc, Dwell, Line, Program, PulseSchedule, Turn, plan, realis
 
 
 def short(machine, step=1e-3):
-    """A line of a few millimetres, a rest, and a quarter of a circle, as far as the machine can go."""
+    """A line of a few millimetres, a rest, and a quarter of a circle, as far as the machine can
+    go.
+    """
     flat = machine == "linkage"
     there = np.array([step, step / 2, 0.0 if flat else step])
     bend = Arc(np.add(there, [0, step, 0]), [0, 0, 1], np.pi / 2)
@@ -29,7 +33,8 @@ def made(request):
 def test_no_error_is_beyond_its_bound_on_any_machine(made):
     _, path = made
     for error in path.errors:
-        # the bound is linear in the counts' errors: what it leaves out is their square over the machine's size, 1e-5
+        # the bound is linear in the counts' errors: what it leaves out is their square over the
+        # machine's size, 1e-5
         assert error.share <= 1 + 1e-4
         assert 0 <= error.rms <= error.max <= error.bound * (1 + 1e-4)
     assert path["position"].max > 0
@@ -43,11 +48,15 @@ def test_only_what_moves_has_an_error(made):
     assert [name for name in names if name in ("x", "y", "z", "rx", "ry", "rz")] == sorted(
         machine.freedom + machine.follows, key=["x", "y", "z", "rx", "ry", "rz"].index
     )
-    assert ("orientation" in names) == any(name.startswith("r") for name in machine.freedom + machine.follows)
+    assert ("orientation" in names) == any(
+        name.startswith("r") for name in machine.freedom + machine.follows
+    )
 
 
 def sampled(planned):
-    """Every instant just before and just after a pulse: t (N,), and the counts there (N, n), by a loop of its own."""
+    """Every instant just before and just after a pulse: t (N,), and the counts there (N, n), by a
+    loop of its own.
+    """
     events = sorted({int(tick) for axis in planned.pulses.axes for tick in axis.ticks})
     count = np.array([axis.start for axis in planned.pulses.axes])
     pulses = {}
@@ -66,7 +75,9 @@ def sampled(planned):
 
 
 def test_the_linkage_is_where_the_source_says_that_its_counts_put_it():
-    """[Motion 2-D, SEEDS 5]: θ by the law of cosines from the lengths of the integer pulses, then the point."""
+    """[Motion 2-D, SEEDS 5]: θ by the law of cosines from the lengths of the integer pulses, then
+    the point.
+    """
     planned = short("linkage")
     machine, path = planned.machine, planned.realised()
     t, counts = sampled(planned)
@@ -78,12 +89,16 @@ def test_the_linkage_is_where_the_source_says_that_its_counts_put_it():
     y = a[1] + la * np.sin(theta) + h * np.sin(np.pi + theta - angle)
     wanted = planned.trajectory.at(t).pose.translation
     # arccos of lengths to 1e-16 m: 1e-15 m of position
-    assert np.hypot(x - wanted[:, 0], y - wanted[:, 1]).max() == pytest.approx(path["position"].max, abs=1e-13)
+    assert np.hypot(x - wanted[:, 0], y - wanted[:, 1]).max() == pytest.approx(
+        path["position"].max, abs=1e-13
+    )
     assert abs(x - wanted[:, 0]).max() == pytest.approx(path["x"].max, abs=1e-13)
 
 
 def test_the_hexapod_has_the_legs_that_its_counts_say_at_the_largest_error(own_lengths):
-    """The planned pose is the thesis' own geometry's; the realised one is asked from home, and certified."""
+    """The planned pose is the thesis' own geometry's; the realised one is asked from home, and
+    certified.
+    """
     planned = short("hexapod")
     machine, worst = planned.machine, planned.realised()["position"]
     t, counts = sampled(planned)
@@ -110,7 +125,9 @@ def test_the_bound_is_that_of_the_formula(hexapod):
 @pytest.fixture
 def slides():
     limits = {"max_speed": 0.02, "max_acceleration": 1.0}
-    axes = [Axis(name, pulse=1e-5, **limits) for name in "XYZ"] + [Axis("R", "rotary", pulse=1e-5, **limits)]
+    axes = [Axis(name, pulse=1e-5, **limits) for name in "XYZ"] + [
+        Axis("R", "rotary", pulse=1e-5, **limits)
+    ]
     return Traverser(axes=axes, home=RigidTransform.identity())
 
 
@@ -118,7 +135,9 @@ def test_rounding_of_an_even_motion_is_q_over_root_twelve(slides):
     """The error of a uniform quantiser: its largest is ½ pulse, its RMS pulse/√12 [METRICS]."""
     path = plan(Program((Line([0.02, 0, 0]),)), slides).realised()
     x = path["x"]
-    assert x.max == pytest.approx(0.5e-5, rel=1e-3)  # 0.02 m/s runs 2e-9 m, 4e-4 of that, in the tick of a pulse
+    assert x.max == pytest.approx(
+        0.5e-5, rel=1e-3
+    )  # 0.02 m/s runs 2e-9 m, 4e-4 of that, in the tick of a pulse
     # the ramps, 4 % of the time, are no uniform motion
     assert x.rms == pytest.approx(1e-5 / np.sqrt(12), rel=1e-2)
     # nothing else moves
@@ -131,12 +150,16 @@ def test_a_tool_feels_the_turn(slides):
     arm = RigidTransform.from_translation([0.3, 0, 0])
     turned = plan(Program((Turn(Rotation.from_rotvec([0, 0, 0.04])),)), slides).realised()
     assert turned["position"].max == 0
-    # the tool is turned about its own origin: three axes move, and the turn's error acts at the lever
-    carried = plan(Program((Turn(Rotation.from_rotvec([0, 0, 0.04])),), tool=arm), slides).realised()
+    # the tool is turned about its own origin: three axes move, and the turn's error acts at the
+    # lever
+    carried = plan(
+        Program((Turn(Rotation.from_rotvec([0, 0, 0.04])),), tool=arm), slides
+    ).realised()
     assert carried.mover == "tool"
     assert carried["orientation"].bound == pytest.approx(0.5e-5, rel=1e-2)
     assert carried["position"].max <= carried["position"].bound
-    # ω × r at the lever (0.3, 0, 0) adds to y, and what it adds to x while the tool turns is below 0.04 · 0.3
+    # ω × r at the lever (0.3, 0, 0) adds to y, and what it adds to x while the tool turns is below
+    # 0.04 · 0.3
     at_start = 0.5e-5 * np.linalg.norm([1, 1.3, 1])
     assert carried["position"].bound == pytest.approx(at_start, rel=1e-2)
 
@@ -144,8 +167,12 @@ def test_a_tool_feels_the_turn(slides):
 def test_a_lost_pulse_is_seen_at_once_and_beyond_the_bound(slides):
     planned = plan(Program((Line([0.01, 0, 0]),)), slides)
     first, *rest = planned.pulses.axes
-    lost = replace(first, ticks=np.delete(first.ticks, 300), direction=np.delete(first.direction, 300))
-    path = realised(planned, PulseSchedule(planned.pulses.clock_hz, (lost, *rest), planned.pulses.duration))
+    lost = replace(
+        first, ticks=np.delete(first.ticks, 300), direction=np.delete(first.direction, 300)
+    )
+    path = realised(
+        planned, PulseSchedule(planned.pulses.clock_hz, (lost, *rest), planned.pulses.duration)
+    )
     assert path["x"].max == pytest.approx(1.5e-5, rel=1e-3)
     assert path["x"].share == pytest.approx(3, rel=1e-2)
     # from there on to the end, where it is one pulse behind
@@ -159,12 +186,15 @@ def test_a_stride_looks_at_less_and_finds_no_more(made):
     for error in whole.errors:
         assert thin[error.name].max <= error.max
         assert (thin[error.name].series <= error.series).all()
-    # a seventh of some thousand instants; the mean of squares of a thousandth part is good to a few per cent
+    # a seventh of some thousand instants; the mean of squares of a thousandth part is good to a few
+    # per cent
     assert thin["position"].rms == pytest.approx(whole["position"].rms, rel=0.1)
 
 
 def test_without_pulses_the_error_is_what_the_start_leaves(slides):
-    """A motion too small to fire: the counts stand where they are, and the error is the whole motion."""
+    """A motion too small to fire: the counts stand where they are, and the error is the whole
+    motion.
+    """
     planned = plan(Program((Line([0.3e-5, 0, 0]),)), slides)
     assert planned.pulses.total == 0
     path = planned.realised()
@@ -196,7 +226,8 @@ def test_refusals_say_what_is_wrong(slides):
 def test_counts_that_stand_for_no_pose_are_told():
     planned = short("linkage")
     away = tuple(
-        replace(axis, start=100_000 * (axis.name == planned.pulses.axes[0].name)) for axis in planned.pulses.axes
+        replace(axis, start=100_000 * (axis.name == planned.pulses.axes[0].name))
+        for axis in planned.pulses.axes
     )
     with pytest.raises(MotionError, match="stand for no pose"):
         realised(planned, replace(planned.pulses, axes=away))
@@ -234,12 +265,15 @@ def test_play_and_lead_error_that_are_not_made_up_for_are_in_the_path(slides):
     assert at_rest(path, planned.trajectory.duration / 2) <= 0.5e-5 * 1.001
     assert at_rest(path, planned.trajectory.duration) == pytest.approx(PLAY, abs=0.501e-5)
     assert path["x"].max == pytest.approx(PLAY, abs=0.501e-5)
-    # most of the way back the play is on the wrong side, with the uniform error of the counts about it
+    # most of the way back the play is on the wrong side, with the uniform error of the counts about
+    # it
     assert (path["x"].series[550:970] > PLAY - 0.501e-5).all()
 
     planned, path = behind_screws(slides, lead_error=TABLE)
     assert path["x"].max == pytest.approx(3e-5, abs=0.501e-5)
-    assert path["x"].where.s == pytest.approx(0.01, abs=3e-3) or path["x"].where.s == pytest.approx(0.03, abs=3e-3)
+    assert path["x"].where.s == pytest.approx(0.01, abs=3e-3) or path["x"].where.s == pytest.approx(
+        0.03, abs=3e-3
+    )
     assert at_rest(path, planned.trajectory.duration / 2) <= 0.501e-5
 
     _, path = behind_screws(slides, backlash=PLAY, lead_error=TABLE)
@@ -252,7 +286,9 @@ def test_play_and_lead_error_that_are_not_made_up_for_are_in_the_path(slides):
 
 def test_made_up_for_they_are_within_the_bound_of_the_counts(slides):
     _, plain = behind_screws(slides)
-    planned, path = behind_screws(slides, backlash=PLAY, lead_error=TABLE, compensate=("lead", "backlash"))
+    planned, path = behind_screws(
+        slides, backlash=PLAY, lead_error=TABLE, compensate=("lead", "backlash")
+    )
     assert planned.pulses.compensations[0].crossings == 1
     assert planned.pulses.compensations[0].off < 1e-12  # the rest is long enough
     assert path["x"].share <= 1 + 1e-4
@@ -294,11 +330,17 @@ def test_a_stride_and_blocks_lose_no_turn_of_the_play(slides, monkeypatch):
 
 
 def test_pulses_that_compensate_are_as_near_to_the_plan_as_others(tmp_path):
-    """A screw that is up to 48 µm beyond what it counts, and a play of 2 thousandths of an inch, would be seen."""
+    """A screw that is up to 48 µm beyond what it counts, and a play of 2 thousandths of an inch,
+    would be seen.
+    """
     text = (files("kinematics") / "presets" / "traverser.toml").read_text()
     found = {}
     for kinds, states in (("[]", ""), ("[]", "lead"), ('["lead", "backlash"]', "lead")):
-        lines = [line for line in text.splitlines() if states or not line.startswith(("lead", "backlash"))]
+        lines = [
+            line
+            for line in text.splitlines()
+            if states or not line.startswith(("lead", "backlash"))
+        ]
         path = tmp_path / f"mine{len(found)}.toml"
         path.write_text("\n".join(lines).replace("[axes]", f"[axes]\ncompensate = {kinds}"))
         program = Program((Line((0.02, 0.01, 0.03)), Dwell(0.25), Line((0.0, 0.0, 0.0))))

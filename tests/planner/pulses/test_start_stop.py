@@ -1,4 +1,6 @@
-"""The start/stop rate of a stepper: pulses that start, stop or turn beyond it are refused, and found by the checker."""
+"""The start/stop rate of a stepper: pulses that start, stop or turn beyond it are refused, and
+found by the checker.
+"""
 
 from importlib.resources import files
 
@@ -54,11 +56,15 @@ def test_bursts_from_rest_are_refused():
     """A burst of pulses at one rate starts and stops with it."""
     motion = there(0.1)
     with pytest.raises(Infeasible, match="start/stop rate"):
-        generate(motion, [axis(50_000.0)], [0.0], CLOCK, "dda:spacing=5ms,pulses_per_count=5,rate=1 MHz")
+        generate(
+            motion, [axis(50_000.0)], [0.0], CLOCK, "dda:spacing=5ms,pulses_per_count=5,rate=1 MHz"
+        )
 
 
 def test_a_turn_is_a_stop_and_a_start():
-    """Up by 10.7 pulses and back at 2000 pulses/s, turned round within 0.1 ms: pulses at full rate on both sides."""
+    """Up by 10.7 pulses and back at 2000 pulses/s, turned round within 0.1 ms: pulses at full rate
+    on both sides.
+    """
     turn, speed = 1e-4, 2000.0
     level = 10.7 - speed * turn / 4
     pieces = np.array([[0.0, speed, 0.0], [-speed / turn, speed, level], [0.0, -speed, level]])
@@ -84,7 +90,9 @@ def test_parts_of_a_motion_know_the_pace_of_the_part_before():
     stream = PulseStream(Machine(), CLOCK, find_rule("nearest"))
     first = one_axis(np.array([[ACCELERATION / 2, 0.0, 0.0]]) * PULSE, np.array([0.0, 0.02]))
     top = ACCELERATION * 0.02
-    second = one_axis(np.array([[-ACCELERATION / 2, top, top * 0.01]]) * PULSE, np.array([0.0, 0.02]))
+    second = one_axis(
+        np.array([[-ACCELERATION / 2, top, top * 0.01]]) * PULSE, np.array([0.0, 0.02])
+    )
     total = len(stream.add(first).axes[0]) + len(stream.add(second, last=True).axes[0])
     assert total == len(generate(motion, [enough], [0.0], CLOCK).axes[0])
 

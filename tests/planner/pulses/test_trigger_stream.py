@@ -1,4 +1,6 @@
-"""Triggers of a plan in parts: places as the whole has them, times by the parts' motion, counts by all its pulses."""
+"""Triggers of a plan in parts: places as the whole has them, times by the parts' motion, counts by
+all its pulses.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -22,7 +24,11 @@ SEGMENTS = (
     Line([0.012, 0, 0.03], join=ROUND, trigger=Trigger("third", 1 / 3)),
     Line([0.012, 0.004, 0.03], join=ROUND),
     Line([0.009, 0.006, 0.03], join=ROUND, trigger=Trigger("most", 0.9)),
-    Spline([[0.006, 0.004, 0.03], [0.003, 0.006, 0.03], [0.0, 0.004, 0.03]], join=ROUND, trigger=Trigger("wave", 0.6)),
+    Spline(
+        [[0.006, 0.004, 0.03], [0.003, 0.006, 0.03], [0.0, 0.004, 0.03]],
+        join=ROUND,
+        trigger=Trigger("wave", 0.6),
+    ),
     Line([0.0, 0.0, 0.03], trigger=Trigger("there")),
     Dwell(0.1),
     Turn(TWIST, trigger=Trigger("half turned", 0.5)),
@@ -75,7 +81,9 @@ def test_in_one_window_they_are_the_whole_to_the_last_bit(hexapod):
 
 
 def test_times_by_another_root_finder(parts):
-    """Brent on s(t) − s along the parts put end to end, to 1e-12 s, where the motion does not rest."""
+    """Brent on s(t) − s along the parts put end to end, to 1e-12 s, where the motion does not
+    rest.
+    """
     ends = [(part.start.begin, part.start.length, part.motion) for part in parts]
 
     def s(t):
@@ -84,7 +92,9 @@ def test_times_by_another_root_finder(parts):
 
     for event in (event for part in parts for event in part.triggers):
         if event.name in ("third", "most", "wave", "half turned"):
-            root = brentq(lambda t, at=event.where.s: s(t) - at, 0, parts[-1].standing.duration, xtol=1e-14)
+            root = brentq(
+                lambda t, at=event.where.s: s(t) - at, 0, parts[-1].standing.duration, xtol=1e-14
+            )
             assert event.time == pytest.approx(root, abs=1e-11)
         elif event.time > 0:
             assert s(event.time - 1e-4) < event.where.s == pytest.approx(s(event.time), abs=1e-12)
@@ -106,7 +116,9 @@ def test_what_there_is_at_any_instant_has_those_up_to_its_rest(parts):
         assert [event.name for event in found] == (2 * ALL)[: len(found)]
         # an event at the end of the rest is summed up in another order: one unit in the last place
         assert all(0 <= event.time <= standing.duration * (1 + 1e-15) for event in found)
-        pulses = [one.pulses for one in parts[: n + 1]] + [part.rest_pulses] * (part.rest_pulses is not None)
+        pulses = [one.pulses for one in parts[: n + 1]] + [part.rest_pulses] * (
+            part.rest_pulses is not None
+        )
         every = join_schedules(pulses)
         for event in part.rest_triggers:
             np.testing.assert_array_equal(event.counts, every.counts(event.time)[0])

@@ -1,4 +1,6 @@
-"""Limits that shaping breaks: lowered where they are exceeded, and along the whole path where that is not enough."""
+"""Limits that shaping breaks: lowered where they are exceeded, and along the whole path where that
+is not enough.
+"""
 
 import re
 from dataclasses import replace
@@ -22,8 +24,17 @@ SLOW = Shaper("zv", 5.0, 0.05)
 
 def gantry(shaper=SLOW):
     machine = load_machine("traverser")
-    own = {"travel": (-0.005, 0.2), "pulse": 5e-6, "max_speed": 0.2, "max_acceleration": 3.0, "max_pulse_rate": None}
-    axes = [replace(axis, **own, max_jerk=None) if axis.kind == "linear" else axis for axis in machine.axes]
+    own = {
+        "travel": (-0.005, 0.2),
+        "pulse": 5e-6,
+        "max_speed": 0.2,
+        "max_acceleration": 3.0,
+        "max_pulse_rate": None,
+    }
+    axes = [
+        replace(axis, **own, max_jerk=None) if axis.kind == "linear" else axis
+        for axis in machine.axes
+    ]
     return machine.driven_by([replace(axes[0], shaper=shaper), *axes[1:]])
 
 
@@ -69,7 +80,9 @@ def test_the_parts_of_the_cost_add_up_as_they_are_shown():
     stretch = LoweredStretch("tool speed", 0.99896, place, place, place)
     for lowering in np.linspace(1e-5, 3e-4, 30).tolist():
         cost = ShapingCost(0.022738, 1.69, lowering, 1.0, shares, stretches=(stretch,))
-        total, length, rest = (float(each) for each in re.findall(r"(\d+\.\d+) ms", cost.describe()))
+        total, length, rest = (
+            float(each) for each in re.findall(r"(\d+\.\d+) ms", cost.describe())
+        )
         assert total == pytest.approx(length + rest, abs=1e-9)
         assert total == pytest.approx(1e3 * cost.total, abs=0.006)
         assert rest == pytest.approx(1e3 * lowering, abs=0.011)
@@ -85,7 +98,9 @@ def test_a_limit_is_lowered_where_it_is_exceeded_alone(bare, local, everywhere):
     # most of the circle runs at its cap still
     fast = local.certificate.attained["tool speed"] > 0.999
     assert np.diff(local.trajectory.knots)[fast].sum() > 0.6 * local.trajectory.duration
-    assert local.trajectory.duration - bare.duration < 0.2 * (everywhere.trajectory.duration - bare.duration)
+    assert local.trajectory.duration - bare.duration < 0.2 * (
+        everywhere.trajectory.duration - bare.duration
+    )
     assert everywhere.shaped.cost.everywhere
 
 
@@ -112,7 +127,9 @@ def test_the_cost_is_what_the_machine_takes_longer_than_without_shapers(name, re
     cost = made.shaped.cost
     # behind shapers a motion is solved on a grid; without them its cruises are in closed form
     limits = limits_of(bare.path, bare.machine.axes, bare.order)
-    gridded = certified_solve(bare.path, limits, bare.order, settings=Settings(whole=True)).trajectory.duration
+    gridded = certified_solve(
+        bare.path, limits, bare.order, settings=Settings(whole=True)
+    ).trajectory.duration
     assert gridded == pytest.approx(bare.duration, rel=5e-5)
     assert cost.unlowered == pytest.approx(gridded, rel=1e-9)
     assert cost.total == pytest.approx(made.duration - gridded, abs=1e-8)
@@ -128,7 +145,10 @@ def test_the_cost_is_what_the_machine_takes_longer_than_without_shapers(name, re
 
 @pytest.mark.parametrize("name", ["local", "everywhere"])
 def test_the_lowered_limit_is_what_holds_the_motion_back(name, request):
-    told = {column.name: column.raw for column in tabulate_segments(request.getfixturevalue(name)).columns}
+    told = {
+        column.name: column.raw
+        for column in tabulate_segments(request.getfixturevalue(name)).columns
+    }
     assert told["held back by"][1] == "tool speed"
     assert told["for"][1] > 80
 

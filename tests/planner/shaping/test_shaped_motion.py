@@ -1,4 +1,6 @@
-"""The shaped motion against a direct convolution, and its pulses against a checker that works it out its own way."""
+"""The shaped motion against a direct convolution, and its pulses against a checker that works it
+out its own way.
+"""
 
 from dataclasses import replace
 
@@ -12,7 +14,14 @@ from planner.pulses import check, generate
 from planner.pulses.checking.convolution import rebuild_motion
 from planner.shaping.shaped_motion import find_copies, shape_motion
 
-SHAPERS = (Shaper("zv", 20.0, 0.1), None, Shaper("mzv", 35.0), Shaper("ei", 50.0, 0.05), Shaper("zvd", 12.0), None)
+SHAPERS = (
+    Shaper("zv", 20.0, 0.1),
+    None,
+    Shaper("mzv", 35.0),
+    Shaper("ei", 50.0, 0.05),
+    Shaper("zvd", 12.0),
+    None,
+)
 
 
 def give(machine, *shapers):
@@ -28,8 +37,12 @@ def bare(planned):
 
 
 def convolve(trajectory, axes, t):
-    """q_s (N, n) at t: each axis delayed so that the centroids of all agree, and each copy asked by itself."""
-    impulses = [(np.ones(1), np.zeros(1)) if axis.shaper is None else axis.shaper.impulses for axis in axes]
+    """q_s (N, n) at t: each axis delayed so that the centroids of all agree, and each copy asked by
+    itself.
+    """
+    impulses = [
+        (np.ones(1), np.zeros(1)) if axis.shaper is None else axis.shaper.impulses for axis in axes
+    ]
     latest = max(a @ times for a, times in impulses)
     out = np.zeros((len(t), len(axes)))
     for k, (amplitudes, times) in enumerate(impulses):
@@ -87,18 +100,27 @@ def test_pulses_are_those_of_the_shaped_motion(bare, order):
     assert pulses.duration == pytest.approx(shaped.duration)
     assert check(pulses, shaped, machine.axes, machine.home_q).holds
     assert not check(pulses, plan.trajectory, machine.axes, machine.home_q).holds
-    other = shape_motion(plan.trajectory, give(plan.machine, Shaper("zv", 20.1, 0.1), Shaper("ei", 35.0)).axes)
+    other = shape_motion(
+        plan.trajectory, give(plan.machine, Shaper("zv", 20.1, 0.1), Shaper("ei", 35.0)).axes
+    )
     assert not check(pulses, other, machine.axes, machine.home_q).holds
     # the counts follow a direct convolution to half a pulse and one tick's travel
     t = np.linspace(0, shaped.duration, 2001)
-    off = pulses.counts(t) - (convolve(plan.trajectory, machine.axes, t) - machine.home_q) / machine.axes[0].pulse
+    off = (
+        pulses.counts(t)
+        - (convolve(plan.trajectory, machine.axes, t) - machine.home_q) / machine.axes[0].pulse
+    )
     assert np.abs(off).max() <= 0.5 + 0.02
 
 
 def test_axes_that_compensate_are_shaped_first():
     machine = load_machine("traverser")
     axes = [
-        replace(axis, shaper=Shaper("zv", 10.0, 0.05), compensate=("lead", "backlash") if axis.lead_error else ())
+        replace(
+            axis,
+            shaper=Shaper("zv", 10.0, 0.05),
+            compensate=("lead", "backlash") if axis.lead_error else (),
+        )
         for axis in machine.axes
     ]
     from planner import plan

@@ -4,7 +4,9 @@ import random
 from math import ceil, sqrt
 
 PART_ENTITIES = 20
-"""Entities of one part: an outline of 12 in 6 lines and 6 arcs, 3 slots, 4 holes, and an ellipse or a spline."""
+"""Entities of one part: an outline of 12 in 6 lines and 6 arcs, 3 slots, 4 holes, and an ellipse or
+a spline.
+"""
 
 
 def draw(path, count):
@@ -22,9 +24,17 @@ def draw(path, count):
         drawn += draw_outline(rng, x, y)
         for slot in range(3):
             left, low = x + 10 + 10 * slot, y + 8
-            corners = [(left, low, 0), (left + 6, low, 1), (left + 6, low + 3, 0), (left, low + 3, 1)]
+            corners = [
+                (left, low, 0),
+                (left + 6, low, 1),
+                (left + 6, low + 3, 0),
+                (left, low + 3, 1),
+            ]
             drawn.append(("add_lwpolyline", (corners,), {"format": "xyb", "close": True}))
-        drawn += [("add_circle", ((x + 12 + 9 * hole, y + 20), rng.uniform(1, 3)), {}) for hole in range(4)]
+        drawn += [
+            ("add_circle", ((x + 12 + 9 * hole, y + 20), rng.uniform(1, 3)), {})
+            for hole in range(4)
+        ]
         if part % 2:
             drawn.append(("add_ellipse", ((x + 25, y + 34), (8, 0), rng.uniform(0.3, 0.9)), {}))
         else:
@@ -38,7 +48,9 @@ def draw(path, count):
 
 
 def draw_outline(rng, x, y):
-    """A rounded rectangle of 50 × 45 mm, its two long sides parted where half circles are cut in: 6 lines, 6 arcs."""
+    """A rounded rectangle of 50 × 45 mm, its two long sides parted where half circles are cut in: 6
+    lines, 6 arcs.
+    """
     lines = [
         ((5, 0), (20, 0)), ((30, 0), (45, 0)), ((50, 5), (50, 40)), ((45, 45), (30, 45)), ((20, 45), (5, 45)),
         ((0, 40), (0, 5)),
@@ -52,7 +64,10 @@ def draw_outline(rng, x, y):
         places = [(x + a, y + b) for a, b in ends]
         rng.shuffle(places)
         drawn.append(("add_line", tuple(places), {}))
-    return drawn + [("add_arc", ((x + a, y + b), radius, first, last), {}) for (a, b), radius, first, last in arcs]
+    return drawn + [
+        ("add_arc", ((x + a, y + b), radius, first, last), {})
+        for (a, b), radius, first, last in arcs
+    ]
 
 
 def scatter(path, count, splines=False):

@@ -10,7 +10,12 @@ from planner.sources.positions import step_through
 
 DEGREE = np.pi / 180
 LISTED = PositionList(
-    [[0, 0, 0.01, 0, 0, 0], [0.005, 0, 0.012, 0, 0, 0], [0.005, 0, 0.012, 3 * DEGREE, -2 * DEGREE, 0]], "yzx"
+    [
+        [0, 0, 0.01, 0, 0, 0],
+        [0.005, 0, 0.012, 0, 0, 0],
+        [0.005, 0, 0.012, 3 * DEGREE, -2 * DEGREE, 0],
+    ],
+    "yzx",
 )
 
 
@@ -26,7 +31,9 @@ def test_held_poses_are_the_machine_s_own_and_turned_ones_are_marked():
 
 
 def test_how_far_off_the_held_plate_would_be_is_where_these_arms_meet():
-    """The place that is `off` from the wanted one has the turned pose's arm lengths, its plate not turned."""
+    """The place that is `off` from the wanted one has the turned pose's arm lengths, its plate not
+    turned.
+    """
     machine = load_machine("tripod")
     found = simulate_arms(LISTED, machine)
     wanted = machine.home.translation + LISTED.poses[2, :3]
@@ -44,7 +51,9 @@ def test_lengths_that_no_held_plate_has_have_no_place():
 
 
 def test_every_step_of_the_source_s_rule():
-    """1 mm steps, and 1° ones where only angles change: the poses that a run of the list rests at."""
+    """1 mm steps, and 1° ones where only angles change: the poses that a run of the list rests
+    at.
+    """
     machine = load_machine("tripod")
     found = simulate_arms(LISTED, machine, unit=1e-3)
     assert len(found.listed) == 1 + 5 + 3
@@ -58,7 +67,9 @@ def test_every_step_of_the_source_s_rule():
 
 
 def test_arms_beyond_their_travel_are_named():
-    found = simulate_arms(PositionList([[0, 0, 0.01, 0, 0, 0], [0, 0, 0.2, 0, 0, 0]]), load_machine("tripod"))
+    found = simulate_arms(
+        PositionList([[0, 0, 0.01, 0, 0, 0], [0, 0, 0.2, 0, 0, 0]]), load_machine("tripod")
+    )
     np.testing.assert_array_equal(found.within, [[True] * 3, [False] * 3])
     assert "outside their travel" in str(found)
 
@@ -72,8 +83,12 @@ def test_what_cannot_be_simulated(hexapod):
 
 def test_a_list_from_the_base_frame_and_one_from_home_agree():
     machine = load_machine("tripod")
-    base = PositionList(LISTED.poses + np.append(machine.home.translation, [0, 0, 0]), "yzx", "base")
-    np.testing.assert_allclose(simulate_arms(base, machine).lengths, simulate_arms(LISTED, machine).lengths, rtol=1e-14)
+    base = PositionList(
+        LISTED.poses + np.append(machine.home.translation, [0, 0, 0]), "yzx", "base"
+    )
+    np.testing.assert_allclose(
+        simulate_arms(base, machine).lengths, simulate_arms(LISTED, machine).lengths, rtol=1e-14
+    )
 
 
 def test_the_figure_marks_what_is_turned():

@@ -1,4 +1,6 @@
-"""DXF: each entity against its analytic geometry, contours chained back together, and whatever is no drawing."""
+"""DXF: each entity against its analytic geometry, contours chained back together, and whatever is
+no drawing.
+"""
 
 import random
 import sys
@@ -16,7 +18,18 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError
-from planner import Arc, Blend, Line, Program, Spline, Stop, Through, import_program, load_program, plan
+from planner import (
+    Arc,
+    Blend,
+    Line,
+    Program,
+    Spline,
+    Stop,
+    Through,
+    import_program,
+    load_program,
+    plan,
+)
 from planner.program.program_writer import program_toml
 from planner.sources.contours import find_tour
 from planner.sources.dxf import METRES
@@ -55,7 +68,9 @@ def ends(program, here=(0, 0, 0)):
 
 
 def contours(program):
-    """Segments of each contour, that is what comes between the ways to and from it, none of which is capped."""
+    """Segments of each contour, that is what comes between the ways to and from it, none of which
+    is capped.
+    """
     parts = [[]]
     for part, (start, _) in zip(program.segments, pairwise(ends(program)), strict=True):
         if part.speed is None:
@@ -65,19 +80,24 @@ def contours(program):
     return [part for part in parts if part]
 
 
-# --- geometry -------------------------------------------------------------------------------------------------------
+# --- geometry
+# -------------------------------------------------------------------------------------------------------
 
 
 def test_a_line_runs_from_its_start_to_its_end(sheet):
     space, read = sheet
     space.add_line((1, 2, 3), (4, 6, 3))
     found = read()
-    assert ends(found.program) == pytest.approx(np.array([[0, 0, 0], [1, 2, 3], [4, 6, 3]]), abs=1e-12)
+    assert ends(found.program) == pytest.approx(
+        np.array([[0, 0, 0], [1, 2, 3], [4, 6, 3]]), abs=1e-12
+    )
     assert found.entities == {"LINE": 1}
     assert found.program.frame == "home"
 
 
-@pytest.mark.parametrize(("first", "last", "turn"), [(0, 90, 90), (350, 20, 30), (90, 0, 270), (-30, 30, 60)])
+@pytest.mark.parametrize(
+    ("first", "last", "turn"), [(0, 90, 90), (350, 20, 30), (90, 0, 270), (-30, 30, 60)]
+)
 @pytest.mark.parametrize("up", [1, -1])
 def test_arcs_turn_against_the_clock_about_their_extrusion(sheet, first, last, turn, up):
     space, read = sheet
@@ -85,7 +105,9 @@ def test_arcs_turn_against_the_clock_about_their_extrusion(sheet, first, last, t
     program = read(order="file", speed=1).program
     ((start, arc),) = contours(program)[0]
     # along −z, the drawing's x is turned round, and so is its z
-    assert start == pytest.approx([up * (10 + 3 * cos(np.radians(first))), 5 + 3 * sin(np.radians(first)), 2 * up])
+    assert start == pytest.approx(
+        [up * (10 + 3 * cos(np.radians(first))), 5 + 3 * sin(np.radians(first)), 2 * up]
+    )
     assert ends(program)[-1] == pytest.approx(
         [up * (10 + 3 * cos(np.radians(last))), 5 + 3 * sin(np.radians(last)), 2 * up]
     )
@@ -130,9 +152,15 @@ def test_bulges_are_the_arcs_that_ezdxf_makes_of_them(sheet, up, closed, heavy):
             assert isinstance(part, Line)
             known = [own.dxf.start, own.dxf.end]
         else:
-            assert part.centre * 1e3 == pytest.approx(list(own.ocs().to_wcs(own.dxf.center)), abs=1e-9)
-            assert np.linalg.norm(start - part.centre * 1e3) == pytest.approx(own.dxf.radius, rel=1e-12)
-            assert abs(part.angle) == pytest.approx(np.radians((own.dxf.end_angle - own.dxf.start_angle) % 360))
+            assert part.centre * 1e3 == pytest.approx(
+                list(own.ocs().to_wcs(own.dxf.center)), abs=1e-9
+            )
+            assert np.linalg.norm(start - part.centre * 1e3) == pytest.approx(
+                own.dxf.radius, rel=1e-12
+            )
+            assert abs(part.angle) == pytest.approx(
+                np.radians((own.dxf.end_angle - own.dxf.start_angle) % 360)
+            )
             known = [own.start_point, own.end_point]
         known = np.array([list(point) for point in known])
         forward = abs(known - [start, end]).max()
@@ -175,7 +203,8 @@ def test_ellipses_stay_within_the_tolerance_that_is_told(sheet, first, last, axi
     major, minor = np.array(axis, float), 0.4 * np.cross(normal, axis)
     fine = np.linspace(first, first + ((last - first) % tau or tau), 400_001)
     exact = [3, 2, 1] + np.cos(fine)[:, None] * major + np.sin(fine)[:, None] * minor
-    # 400 001 points lie 7 mm·2π/4e5 apart: the nearest is off by half of that, at right angles to the distance
+    # 400 001 points lie 7 mm·2π/4e5 apart: the nearest is off by half of that, at right angles to
+    # the distance
     off = cKDTree(exact).query(points)[0].max()
     along = 8 * tau / 400_000 / 2
     assert off <= hypot(deviation * 1e3, along)
@@ -227,11 +256,14 @@ def test_splines_of_fit_points_pass_through_them(sheet):
     space.add_spline(through.tolist())
     stroke = read(order="file").outline.strokes[-1] * 1e3
     for point in through:
-        assert np.linalg.norm(stroke - point, axis=1).min() < 0.05  # the distance of points of the figure
+        assert (
+            np.linalg.norm(stroke - point, axis=1).min() < 0.05
+        )  # the distance of points of the figure
     assert stroke[[0, -1]] == pytest.approx(through[[0, -1]])
 
 
-# --- full turns -----------------------------------------------------------------------------------------------------
+# --- full turns
+# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -247,7 +279,9 @@ def test_arcs_between_different_angles_of_one_place_are_full_turns(sheet, first,
     found = read(order="file", speed=1)
     ((start, arc),) = contours(found.program)[0]
     assert arc.angle == tau
-    assert start == pytest.approx([10 + 3 * cos(np.radians(first)), 5 + 3 * sin(np.radians(first)), 0])
+    assert start == pytest.approx(
+        [10 + 3 * cos(np.radians(first)), 5 + 3 * sin(np.radians(first)), 0]
+    )
     assert found.entities == {"ARC": 1}
 
 
@@ -255,7 +289,9 @@ def test_arcs_between_different_angles_of_one_place_are_full_turns(sheet, first,
     ("first", "last", "turn"),
     [(0, 370, 10), (0, 0.001, 0.001), (359.999, 0, 0.001), (0, 359.99, 359.99), (350, 370, 20)],
 )
-def test_arcs_of_less_or_more_than_a_full_turn_end_where_they_are_stored_to_end(sheet, first, last, turn):
+def test_arcs_of_less_or_more_than_a_full_turn_end_where_they_are_stored_to_end(
+    sheet, first, last, turn
+):
     space, read = sheet
     space.add_arc((10, 5), 300, first, last)
     ((_, arc),) = contours(read(order="file", speed=1).program)[0]
@@ -265,7 +301,9 @@ def test_arcs_of_less_or_more_than_a_full_turn_end_where_they_are_stored_to_end(
 @pytest.mark.parametrize("last", [tau, 6.28319, 6.2831855, 6.2832, 6.283186, 2 * tau])
 @pytest.mark.parametrize("ratio", [0.4, 1.0])
 def test_ellipses_to_a_rounded_full_turn_are_full_turns(sheet, last, ratio):
-    """The circumference of an ellipse is 4 a E(1 − ratio²); of a curve beside it at d, 2 π d more or less."""
+    """The circumference of an ellipse is 4 a E(1 − ratio²); of a curve beside it at d, 2 π d more
+    or less.
+    """
     from scipy.special import ellipe
 
     deviation = 1e-9  # m; the way is in mm
@@ -287,7 +325,8 @@ def test_curves_between_equal_stored_angles_are_points(sheet):
     assert any("skipped 2 shapes without length" in line for line in found.warnings)
 
 
-# --- bulges and knots ------------------------------------------------------------------------------------------------
+# --- bulges and knots
+# ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("heavy", [True, False])
@@ -316,18 +355,27 @@ def _spline(space, degree, knots, points):
 
 def _fill_in(points):
     """Points of a polygon that lie at most 0.2 mm apart."""
-    shares = [np.linspace(0, 1, 2 + int(np.linalg.norm(b - a) / 0.2))[:, None] for a, b in pairwise(points)]
-    return np.concatenate([a + share * (b - a) for (a, b), share in zip(pairwise(points), shares, strict=True)])
+    shares = [
+        np.linspace(0, 1, 2 + int(np.linalg.norm(b - a) / 0.2))[:, None]
+        for a, b in pairwise(points)
+    ]
+    return np.concatenate(
+        [a + share * (b - a) for (a, b), share in zip(pairwise(points), shares, strict=True)]
+    )
 
 
 def _dense(found):
     """Points of all contours in mm, at most 0.2 mm apart."""
     drawn = zip(found.program.segments, found.outline.strokes, strict=True)
-    return np.concatenate([_fill_in(stroke * 1e3) for part, stroke in drawn if part.speed is not None])
+    return np.concatenate(
+        [_fill_in(stroke * 1e3) for part, stroke in drawn if part.speed is not None]
+    )
 
 
 def _de_boor(degree, knots, points, t, from_left):
-    """A point of a B-spline by the recursion of de Boor, in the span on the side of t that is asked for."""
+    """A point of a B-spline by the recursion of de Boor, in the span on the side of t that is asked
+    for.
+    """
     knots = np.array(knots, float)
     k = int(np.searchsorted(knots, t, "left" if from_left else "right")) - 1
     d = [np.array(points[j + k - degree], float) for j in range(degree + 1)]
@@ -360,7 +408,9 @@ def test_a_knot_repeated_once_more_than_the_degree_splits_a_spline(sheet, degree
     everything = _dense(read(order="file", speed=1))
     for t in np.linspace(0.01, 5.99, 40):
         exact = [*_de_boor(degree, knots, points, t, from_left=True), 0]
-        assert np.linalg.norm(everything - exact, axis=1).min() < 0.13  # points of the figure lie 0.2 mm apart
+        assert (
+            np.linalg.norm(everything - exact, axis=1).min() < 0.13
+        )  # points of the figure lie 0.2 mm apart
     assert ends(program)[-1][:2] == pytest.approx(points[-1])
 
 
@@ -373,7 +423,8 @@ def test_knots_of_a_corner_may_differ_by_rounding(sheet):
     assert parts[1][0] == pytest.approx([10, 0, 0], abs=1e-6)
 
 
-# --- blocks ---------------------------------------------------------------------------------------------------------
+# --- blocks
+# ---------------------------------------------------------------------------------------------------------
 
 
 def _fill(block):
@@ -382,7 +433,9 @@ def _fill(block):
     block.add_arc((10, 5), 4, 270, 60)
     block.add_arc((-8, 5), 3, 20, 200, dxfattribs={"extrusion": (0, 0, -1)})
     block.add_circle((4, 12), 2)
-    block.add_lwpolyline([(0, 20, 0.5), (6, 20, -1.5), (6, 26, 0), (0, 27, 0)], format="xyb", close=True)
+    block.add_lwpolyline(
+        [(0, 20, 0.5), (6, 20, -1.5), (6, 26, 0), (0, 27, 0)], format="xyb", close=True
+    )
     block.add_ellipse((3, 32), (5, 1), 0.4, 0.3, 4)
     block.add_open_spline([(0, 40), (5, 48), (9, 36), (14, 44)])
     block.add_polyline3d([(0, 50, 0), (3, 52, 2), (6, 50, 1)])
@@ -395,12 +448,18 @@ def _flat_points(entities):
 
     found = []
     for entity in recursive_decompose(entities):
-        found.append(_fill_in(np.array([list(point) for point in make_path(entity).flattening(1e-3, segments=16)])))
+        found.append(
+            _fill_in(
+                np.array([list(point) for point in make_path(entity).flattening(1e-3, segments=16)])
+            )
+        )
     return np.concatenate(found)
 
 
 def _assert_same_curves(found, exact, apart=0.2):
-    """Each drawn point lies on an exact curve, and each of those is drawn; exact points lie `apart` mm apart."""
+    """Each drawn point lies on an exact curve, and each of those is drawn; exact points lie `apart`
+    mm apart.
+    """
     drawn = _dense(found)
     assert cKDTree(exact).query(drawn)[0].max() < 0.6 * apart
     assert cKDTree(drawn).query(exact)[0].max() < 0.13
@@ -432,7 +491,9 @@ def test_blocks_are_what_ezdxf_takes_apart(sheet, placed):
 
 
 def test_nested_blocks_are_sheared_where_an_outer_one_is_stretched(sheet):
-    """Held against the product of the maps: ezdxf's own way to take such blocks apart has no shear."""
+    """Held against the product of the maps: ezdxf's own way to take such blocks apart has no
+    shear.
+    """
     space, read = sheet
     inner = space.doc.blocks.new("INNER", base_point=(1, 1))
     _fill(inner)
@@ -440,7 +501,9 @@ def test_nested_blocks_are_sheared_where_an_outer_one_is_stretched(sheet):
     outer.add_blockref("INNER", (0, 0), dxfattribs={"rotation": 30, "xscale": 2})
     array = {"column_count": 2, "column_spacing": 30, "rotation": -10}
     outer.add_blockref("INNER", (60, 0), dxfattribs={"xscale": -1, **array})
-    space.add_blockref("OUTER", (7, 8), dxfattribs={"rotation": 45, "xscale": 0.5, "yscale": 1.5, "zscale": 1})
+    space.add_blockref(
+        "OUTER", (7, 8), dxfattribs={"rotation": 45, "xscale": 0.5, "yscale": 1.5, "zscale": 1}
+    )
 
     def turn(degrees):
         return Rotation.from_euler("z", degrees, degrees=True).as_matrix()
@@ -454,7 +517,9 @@ def test_nested_blocks_are_sheared_where_an_outer_one_is_stretched(sheet):
 
 
 def test_arcs_and_full_turns_of_blocks_remain_exact(sheet):
-    """A mirrored quarter from (4, 0) to (0, 4) runs from (-4, 0) to (0, 4), clockwise; a full turn remains one."""
+    """A mirrored quarter from (4, 0) to (0, 4) runs from (-4, 0) to (0, 4), clockwise; a full turn
+    remains one.
+    """
     space, read = sheet
     block = space.doc.blocks.new("B")
     block.add_arc((0, 0), 4, 0, 90)
@@ -470,7 +535,9 @@ def test_arcs_and_full_turns_of_blocks_remain_exact(sheet):
 
 
 def test_layers_of_blocks(sheet):
-    """Entities on layer 0 lie on the layer of their INSERT; a frozen one hides all of it, one that is off its own."""
+    """Entities on layer 0 lie on the layer of their INSERT; a frozen one hides all of it, one that
+    is off its own.
+    """
     space, read = sheet
     for name in ("CUT", "MARK", "NOTES"):
         space.doc.layers.add(name)
@@ -561,19 +628,28 @@ def test_blocks_that_multiply_without_end_are_refused(sheet, monkeypatch):
         read()
 
 
-# --- chaining -------------------------------------------------------------------------------------------------------
+# --- chaining
+# -------------------------------------------------------------------------------------------------------
 
 ROUNDED = [
     ("line", (5, 0), (20, 0)), ("arc", (25, 0), 5, 0, 180), ("line", (30, 0), (45, 0)), ("arc", (45, 5), 5, 270, 360),
     ("line", (50, 5), (50, 40)), ("arc", (45, 40), 5, 0, 90), ("line", (45, 45), (5, 45)), ("arc", (5, 40), 5, 90, 180),
     ("line", (0, 40), (0, 5)), ("arc", (5, 5), 5, 180, 270),
 ]  # fmt: skip
-"""A closed contour, with a half circle cut in: its arcs run against the clock, whichever way the contour goes."""
+"""A closed contour, with a half circle cut in: its arcs run against the clock, whichever way the
+contour goes.
+"""
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)
-@given(order=st.permutations(ROUNDED), flips=st.lists(st.booleans(), min_size=10, max_size=10), gap=st.floats(0, 9e-4))
-def test_whatever_the_order_and_the_directions_a_contour_comes_back(tmp_path_factory, order, flips, gap):
+@given(
+    order=st.permutations(ROUNDED),
+    flips=st.lists(st.booleans(), min_size=10, max_size=10),
+    gap=st.floats(0, 9e-4),
+)
+def test_whatever_the_order_and_the_directions_a_contour_comes_back(
+    tmp_path_factory, order, flips, gap
+):
     """Ends are off by up to 0.9 µm each, and the tolerance is 2 µm."""
     document = ezdxf.new(units=4)
     space, rng = document.modelspace(), random.Random(3)
@@ -583,7 +659,9 @@ def test_whatever_the_order_and_the_directions_a_contour_comes_back(tmp_path_fac
             space.add_line(*[(x + rng.uniform(-gap, gap), y) for x, y in (start, end)])
         elif flip:  # seen from below
             (x, y), radius, first, last = own
-            space.add_arc((-x, y), radius, 180 - last, 180 - first, dxfattribs={"extrusion": (0, 0, -1)})
+            space.add_arc(
+                (-x, y), radius, 180 - last, 180 - first, dxfattribs={"extrusion": (0, 0, -1)}
+            )
         else:
             space.add_arc(*own)
     path = tmp_path_factory.mktemp("dxf") / "part.dxf"
@@ -603,7 +681,9 @@ def test_whatever_the_order_and_the_directions_a_contour_comes_back(tmp_path_fac
     for start, part in parts:
         if isinstance(part, Arc):
             known = [own for kind, *own in ROUNDED if kind == "arc"]
-            near = min(known, key=lambda own: np.linalg.norm(np.array(own[0]) - part.centre[:2] * 1e3))
+            near = min(
+                known, key=lambda own: np.linalg.norm(np.array(own[0]) - part.centre[:2] * 1e3)
+            )
             # where ends are off, an arc is led through them: by so much it may lie elsewhere
             assert np.linalg.norm(np.array(near[0]) - part.centre[:2] * 1e3) <= 2 * gap + 1e-9
             assert abs(part.angle) == pytest.approx(np.radians(near[3] - near[2]), abs=1e-12)
@@ -652,7 +732,8 @@ def test_a_star_of_thousands_is_no_crowd(sheet):
     assert len(contours(read(speed=1, order="file").program)) == 2000
 
 
-# --- the way between, and into contours ------------------------------------------------------------------------------
+# --- the way between, and into contours
+# ------------------------------------------------------------------------------
 
 
 def test_heights_speeds_and_joins(sheet):
@@ -662,7 +743,18 @@ def test_heights_speeds_and_joins(sheet):
     program = read(retract=4e-3, approach=1e-3, rapid=0.05, speed=0.01, blend=1e-5).program
     at = ends(program)
     assert at == pytest.approx(
-        np.array([[0, 0, 0], [0, 0, 4], [10, 0, 4], [10, 0, 1], [10, 0, 0], [20, 0, 0], [20, 10, 0], [20, 10, 4]]),
+        np.array(
+            [
+                [0, 0, 0],
+                [0, 0, 4],
+                [10, 0, 4],
+                [10, 0, 1],
+                [10, 0, 0],
+                [20, 0, 0],
+                [20, 10, 0],
+                [20, 10, 4],
+            ]
+        ),
         abs=1e-12,
     )
     assert [part.speed for part in program.segments] == [0.05, 0.05, 0.05, 0.01, 0.01, 0.01, 0.05]
@@ -673,7 +765,9 @@ def test_heights_speeds_and_joins(sheet):
     space.add_line((0, 0, 1), (5, 5, 2))
     with pytest.raises(MotionError, match="retract 1 mm must be at least 2 mm"):
         read(retract=1e-3)
-    space.add_arc((0, 0, 0), 7, 0, 180, dxfattribs={"extrusion": (0, -1, 0)})  # a bow that stands upright
+    space.add_arc(
+        (0, 0, 0), 7, 0, 180, dxfattribs={"extrusion": (0, -1, 0)}
+    )  # a bow that stands upright
     with pytest.raises(MotionError, match="retract 4 mm must be at least 7 mm"):
         read(retract=4e-3)
 
@@ -727,7 +821,8 @@ def test_the_order_shortens_the_way(sheet):
             space.add_circle((x, y), rng.uniform(1, 4))
     near, as_drawn = read(speed=1).program, read(speed=1, order="file").program
     assert sorted(map(len, contours(near))) == sorted(map(len, contours(as_drawn)))
-    # 60 random places in a square: about 0.7124 √(60 · 300²) mm by the best way; 0.52 · 300 mm each as they come
+    # 60 random places in a square: about 0.7124 √(60 · 300²) mm by the best way; 0.52 · 300 mm each
+    # as they come
     assert way_between(near) < 1.25 * 0.7124 * np.sqrt(60) * 300
     assert way_between(as_drawn) > 60 * 0.4 * 300
 
@@ -758,7 +853,8 @@ def test_a_tour_is_never_longer_than_from_nearest_to_nearest(seed):
     assert length(found) <= length(plain) + 1e-12
     if all(not loop for loop in closed) or seed < 4:
         orders = permutations(range(6))
-        # every order, each contour entered where it is nearest: no shorter way exists than the least of these, halved
+        # every order, each contour entered where it is nearest: no shorter way exists than the
+        # least of these, halved
         best = min(length(_greedy(order, entries, closed, start)) for order in orders)
         assert length(found) <= 1.35 * best
 
@@ -772,7 +868,8 @@ def _greedy(order, entries, closed, start):
     return way
 
 
-# --- what a drawing says of itself ----------------------------------------------------------------------------------
+# --- what a drawing says of itself
+# ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("code", METRES)
@@ -780,7 +877,9 @@ def test_units_are_those_that_it_states(tmp_path, code):
     document = ezdxf.new(units=code)
     document.modelspace().add_line((0, 0), (1, 0))
     document.saveas(tmp_path / "part.dxf")
-    metres = {1: 0.0254, 2: 0.3048, 4: 0.001, 5: 0.01, 6: 1, 9: 25.4e-6, 13: 1e-6, 14: 0.1}.get(code, METRES[code])
+    metres = {1: 0.0254, 2: 0.3048, 4: 0.001, 5: 0.01, 6: 1, 9: 25.4e-6, 13: 1e-6, 14: 0.1}.get(
+        code, METRES[code]
+    )
     found = import_program(tmp_path / "part.dxf", tolerance=1e-12)
     assert found.program.segments[-1].to[0] == pytest.approx(metres, rel=1e-15)
 
@@ -793,7 +892,9 @@ def test_without_a_unit_it_has_to_be_stated(tmp_path, sheet):
     document.saveas(tmp_path / "none.dxf")
     ezdxf.new("R12").saveas(tmp_path / "old.dxf")
     for name in ("bare", "none", "old"):
-        with pytest.raises(FileError, match=r"states no unit \(\$INSUNITS\); give the option length"):
+        with pytest.raises(
+            FileError, match=r"states no unit \(\$INSUNITS\); give the option length"
+        ):
             import_program(tmp_path / f"{name}.dxf")
     assert import_program(tmp_path / "bare.dxf", length="in").program.segments[-1].to[0] == 0.0254
     space, read = sheet
@@ -884,7 +985,9 @@ def test_the_plane_may_lie_anywhere(sheet):
     space.add_line((10, 0), (20, 5))
     program = read(origin="1 mm, 2 mm, 30 mm, 90 deg, 0 deg, 0 deg", retract=3e-3).program
     assert ends(program)[-2] == pytest.approx([20, 5, 0])
-    assert program.work.apply(np.array([0.02, 0.005, 0.001])) == pytest.approx([0.021, 0.001, 0.035])
+    assert program.work.apply(np.array([0.02, 0.005, 0.001])) == pytest.approx(
+        [0.021, 0.001, 0.035]
+    )
     # it begins at home, up along the drawing's normal if that lies below the height of the way
     home = program.work.inv().translation * 1e3
     assert ends(program, home)[1:3] == pytest.approx(np.array([[*home[:2], 3], [10, 0, 3]]))
@@ -904,7 +1007,8 @@ def test_widths_and_lengths_of_nothing_are_told(sheet):
     assert len(found.program.segments) == 2
 
 
-# --- files that are none --------------------------------------------------------------------------------------------
+# --- files that are none
+# --------------------------------------------------------------------------------------------
 
 
 def _saved(tmp_path, make):
@@ -950,7 +1054,9 @@ def test_objects_among_entities_are_refused_at_their_line(tmp_path, version, kin
     with pytest.raises(FileError) as refused:
         import_program(tmp_path / "bad.dxf", length="mm")
     line = text[:at].count("\n") + 2
-    assert str(refused.value).startswith((f"{tmp_path / 'bad.dxf'}:{line}: ", f"{tmp_path / 'bad.dxf'}:{line + 2}: "))
+    assert str(refused.value).startswith(
+        (f"{tmp_path / 'bad.dxf'}:{line}: ", f"{tmp_path / 'bad.dxf'}:{line + 2}: ")
+    )
 
 
 @pytest.mark.parametrize(
@@ -1001,7 +1107,8 @@ def test_without_ezdxf_the_extra_is_named(sheet, monkeypatch):
         import_program("part.dxf")
 
 
-# --- from end to end ------------------------------------------------------------------------------------------------
+# --- from end to end
+# ------------------------------------------------------------------------------------------------
 
 
 def test_a_sheet_of_parts(tmp_path):
@@ -1062,8 +1169,8 @@ def test_any_bytes_are_a_program_or_a_refusal(tmp_path):
 def test_curves_are_fitted_and_drawn_in_time(tmp_path, splines):
     """300 of 10 000 entities, by the processor's time, the least of up to three.
 
-    On the machine that this was written on the mixed drawing takes 0.2 s and the splines 0.4 s, outlines 0.06 s at
-    most: each bound is 2.5 to 4 of these, so that five times as slow is told.
+    On the machine that this was written on the mixed drawing takes 0.2 s and the splines 0.4 s,
+    outlines 0.06 s at most: each bound is 2.5 to 4 of these, so that five times as slow is told.
     """
     path = tmp_path / "sheet.dxf"
     scatter(path, 300, splines)
@@ -1089,11 +1196,19 @@ def test_the_length_of_a_spline_is_that_of_its_pieces(wild):
 
     from planner.path.spline import spline
 
-    turned = np.random.default_rng(3).normal(size=(6, 3)) if wild else [[k, 0.1 * k * k, 0] for k in range(6)]
+    turned = (
+        np.random.default_rng(3).normal(size=(6, 3))
+        if wild
+        else [[k, 0.1 * k * k, 0] for k in range(6)]
+    )
     corners = 1e-2 * np.cumsum(turned, 0)
     start = RigidTransform.from_components(corners[0], Rotation.identity())
     asked = sum(
-        quad(lambda s, piece=piece: np.linalg.norm(piece.derivatives(np.array([s]))[1][0, :3]), 0, piece.length)[0]
+        quad(
+            lambda s, piece=piece: np.linalg.norm(piece.derivatives(np.array([s]))[1][0, :3]),
+            0,
+            piece.length,
+        )[0]
         for piece in spline(start, corners[1:], None, 1)
     )
     found = outline(Program((Line(corners[0]), Spline(corners[1:])), "base"))

@@ -1,4 +1,6 @@
-"""G-code, read: against programs whose places are known before they are written down, and what is refused."""
+"""G-code, read: against programs whose places are known before they are written down, and what is
+refused.
+"""
 
 import random
 import time
@@ -41,7 +43,9 @@ ROUNDED = 2e-12
 
 
 def walked(program):
-    """The place (3,) in the middle and at the end of every segment that moves the tool; SciPy turns the arcs."""
+    """The place (3,) in the middle and at the end of every segment that moves the tool; SciPy turns
+    the arcs.
+    """
     here, found = np.zeros(3), []
     for part in program.segments:
         if isinstance(part, Line):
@@ -61,11 +65,19 @@ def walked(program):
 
 
 class Writer:
-    """Random moves, known as places first and then written down in one of the many ways that G-code has."""
+    """Random moves, known as places first and then written down in one of the many ways that G-code
+    has.
+    """
 
     def __init__(self, rng):
         self.rng, self.lines, self.places = rng, [], []
-        self.at, self.unit, self.absolute, self.plane, self.code = np.zeros(3), 1e-3, True, "G17", ""
+        self.at, self.unit, self.absolute, self.plane, self.code = (
+            np.zeros(3),
+            1e-3,
+            True,
+            "G17",
+            "",
+        )
 
     def number(self, value):
         text = f"{value:.12f}"
@@ -85,7 +97,15 @@ class Writer:
         rng = self.rng
         words = [word for word in words if word]
         text = rng.choice(["", " "]).join(words)
-        text = rng.choice([text, text.lower(), f"N{len(self.lines) * 10} {text}", f"{text} (G1 X99)", f"{text};G2 X9"])
+        text = rng.choice(
+            [
+                text,
+                text.lower(),
+                f"N{len(self.lines) * 10} {text}",
+                f"{text} (G1 X99)",
+                f"{text};G2 X9",
+            ]
+        )
         self.lines.append(text)
 
     def modes(self):
@@ -107,7 +127,9 @@ class Writer:
         return "" if repeated else self.rng.choice([code, code[0] + "0" + code[1:]])
 
     def line(self):
-        end = self.at + np.array([self.rng.uniform(-0.02, 0.02) * (self.rng.random() < 0.8) for _ in range(3)])
+        end = self.at + np.array(
+            [self.rng.uniform(-0.02, 0.02) * (self.rng.random() < 0.8) for _ in range(3)]
+        )
         if np.linalg.norm(end - self.at) < 1e-6:
             return
         self.put(self.motion(self.rng.choice(["G0", "G1"])), *self.words(end))
@@ -126,7 +148,9 @@ class Writer:
 
         def at(share):
             place = centre.copy()
-            place[[first, second]] += radius * np.array([cos(begin + share * sweep), sin(begin + share * sweep)])
+            place[[first, second]] += radius * np.array(
+                [cos(begin + share * sweep), sin(begin + share * sweep)]
+            )
             place[normal] += share * rise
             return place
 
@@ -135,7 +159,11 @@ class Writer:
             end[[first, second]] = self.at[[first, second]]
         word = self.motion("G2" if sweep < 0 else "G3")
         # R loses half the digits where an arc is nearly half or no turn
-        if not full and min(abs(abs(sweep) - turn) for turn in (0, pi, 2 * pi)) > 0.3 and rng.random() < 0.5:
+        if (
+            not full
+            and min(abs(abs(sweep) - turn) for turn in (0, pi, 2 * pi)) > 0.3
+            and rng.random() < 0.5
+        ):
             said = ["R" + self.number((radius if abs(sweep) < pi else -radius) / self.unit)]
         else:
             offset = centre - self.at
@@ -160,7 +188,8 @@ def test_places_are_those_that_were_written(seed, tmp_path_factory):
         return
     found = walked(import_program(path).program)
     assert found.shape == np.shape(writer.places)
-    # R: the centre of an arc 0.3 rad from half a turn moves by 1/sin(0.15) of the error of its radius, and so on
+    # R: the centre of an arc 0.3 rad from half a turn moves by 1/sin(0.15) of the error of its
+    # radius, and so on
     np.testing.assert_allclose(found, writer.places, atol=1e3 * ROUNDED)
 
 
@@ -169,8 +198,12 @@ def test_what_is_read_is_saved_and_drawn(read, hexapod, tmp_path):
     done = read("G21 G61.1 F1800\nG0 Z25\nG0 X15\nG3 I-15\nG0 X0\nM30\n")
     path = tmp_path / "saved.toml"
     path.write_text(program_toml(done.program), encoding="utf-8")
-    pieces, again = (chain_pieces(program, hexapod).pieces for program in (done.program, load_program(path)))
-    assert [piece.length for piece in pieces] == pytest.approx([0.025, 0.015, 2 * pi * 0.015, 0.015])
+    pieces, again = (
+        chain_pieces(program, hexapod).pieces for program in (done.program, load_program(path))
+    )
+    assert [piece.length for piece in pieces] == pytest.approx(
+        [0.025, 0.015, 2 * pi * 0.015, 0.015]
+    )
     for one, other in zip(pieces, again, strict=True):
         np.testing.assert_allclose(one.parameters, other.parameters, atol=1e-15)
     assert pieces[2].tool_speed == pytest.approx(0.03)
@@ -181,7 +214,9 @@ def test_what_is_read_is_saved_and_drawn(read, hexapod, tmp_path):
 
 
 def test_feeds_are_caps(read):
-    """Per minute in the unit that holds; of rapids none, or the one that is given; inverse time by the way."""
+    """Per minute in the unit that holds; of rapids none, or the one that is given; inverse time by
+    the way.
+    """
     text = "F600\nG1 X10\nG20 G1 X1 F60\nG21\nG0 X0\nG93 G1 X30 F2\nG94 F90 G1 A90\n"
     speeds = [getattr(part, "speed", None) for part in read(text).program.segments]
     assert speeds == pytest.approx([0.01, 0.0254, None, 0.001, None])
@@ -194,7 +229,11 @@ def test_dwells_rest(read):
     segments = read("F60\nG64 P0.1\nG1 X10\nG4 P0.5\nX20\nG4 P0\nX30").program.segments
     assert [type(part) for part in segments] == [Line, Dwell, Line, Line]
     assert segments[1].duration == 0.5
-    assert [part.join for part in segments if isinstance(part, Line)] == [Stop(), Stop(), Fit(0.1 * 1e-3)]
+    assert [part.join for part in segments if isinstance(part, Line)] == [
+        Stop(),
+        Stop(),
+        Fit(0.1 * 1e-3),
+    ]
     assert read("G0 X1\nG4 P500", dwell="ms").program.segments[1].duration == 0.5
 
 
@@ -202,7 +241,9 @@ def test_joins_are_what_the_modes_say(read):
     text = "G0 X1\nG61.1 X2\nG61 X3\nG64 P0.02 X4\nG20 G64 P0.001 X5"
     joins = [part.join for part in read(text).program.segments]
     assert joins == [Through(), Stop(), Through(), Fit(0.02 * 1e-3), Fit(0.001 * 0.0254)]
-    words = [read(f"G0 {word}X1").program.join_word for word in ("", "G61 ", "G61.1 ", "G64 P0.02 ")]
+    words = [
+        read(f"G0 {word}X1").program.join_word for word in ("", "G61 ", "G61.1 ", "G64 P0.02 ")
+    ]
     assert words == ["", "G61", "G61.1", ""]
     assert read(text, join="stop").program.segments[0].join == Stop()
     assert read(text, blend=3e-4).program.segments[0].join == Blend(3e-4)
@@ -210,7 +251,9 @@ def test_joins_are_what_the_modes_say(read):
 
 
 def test_angles_turn_about_the_axes_in_turn(read):
-    """A B C as Rx Ry Rz; on the spot one letter turns all the way that it says, also more than half a turn."""
+    """A B C as Rx Ry Rz; on the spot one letter turns all the way that it says, also more than half
+    a turn.
+    """
     done = read("F600\nG1 X10 A10\nG1 B20\nC30\nC-330\nG1 X0 A0 B0 C-360")
     line, b, c, back, last = done.program.segments
     assert line.rotate.as_euler("XYZ", degrees=True) == pytest.approx([10, 0, 0])
@@ -227,10 +270,15 @@ def test_angles_turn_about_the_axes_in_turn(read):
 
 def test_the_origin_lies_where_it_is_put(read, hexapod):
     """The tool starts at home, which the file knows by its distance from its zero."""
-    program = read("G91 G0 X1\nG90 X0 Y0 Z0", origin="10 mm, 0 mm, 25 mm, 0 deg, 0 deg, 90 deg").program
+    program = read(
+        "G91 G0 X1\nG90 X0 Y0 Z0", origin="10 mm, 0 mm, 25 mm, 0 deg, 0 deg, 90 deg"
+    ).program
     np.testing.assert_allclose(program.segments[0].to, [0.001, 0.01, -0.025], atol=1e-15)
     pieces = chain_pieces(program, hexapod).pieces
-    start, end = (piece.poses(np.array([s]))[0, :3] for piece, s in zip(pieces, (0.0, pieces[1].length), strict=True))
+    start, end = (
+        piece.poses(np.array([s]))[0, :3]
+        for piece, s in zip(pieces, (0.0, pieces[1].length), strict=True)
+    )
     home = hexapod.home.translation
     np.testing.assert_allclose(start, home, atol=1e-12)
     np.testing.assert_allclose(end, home + np.array([0.01, 0, 0.025]), atol=1e-12)
@@ -244,7 +292,9 @@ def test_relative_centres_and_absolute_ones_are_the_same_arc(read):
 
 
 def test_rounded_arcs_stay_where_the_file_has_them(read):
-    """A circle of a hundred arcs with coordinates of whole micrometres: none of them is more than 1.5 um off."""
+    """A circle of a hundred arcs with coordinates of whole micrometres: none of them is more than
+    1.5 um off.
+    """
     lines, places = ["F60", "G0 X20 Y0"], []
     here = (20.0, 0.0)
     for k in range(1, 101):
@@ -353,7 +403,17 @@ def test_words_are_left_out_on_demand_and_counted(read):
     assert not any(segment.trigger for segment in done.program.segments)
     with pytest.raises(FileError, match="G43 is not supported"):
         read(text, ignore="S T M H")
-    for word in ("G92", "G28", "X", "M98", "M30", "G1", "G", "F", "?"):  # their words would be taken for a path
+    for word in (
+        "G92",
+        "G28",
+        "X",
+        "M98",
+        "M30",
+        "G1",
+        "G",
+        "F",
+        "?",
+    ):  # their words would be taken for a path
         with pytest.raises(MotionError, match="cannot be ignored"):
             read(text, ignore=word)
 
@@ -363,7 +423,10 @@ def test_spindle_coolant_and_tool_words_are_skipped_with_their_lines_or_refused(
     text = "G21 G0 X1 S100 M03\nT1 M6 M8\nG97 S200 M4\nG1 X2 F600 M9\nM5 M7 M19"
     done = read(text)
     assert [line.to[0] for line in done.program.segments] == [1e-3, 2e-3]
-    assert "skipped: G97 (1x: line 3), M19 (1x: line 5), S (2x: lines 1, 3), T (1x: line 2)" in done.warnings
+    assert (
+        "skipped: G97 (1x: line 3), M19 (1x: line 5), S (2x: lines 1, 3), T (1x: line 2)"
+        in done.warnings
+    )
     with pytest.raises(FileError) as refused:
         read(text, strict=True)
     assert [fault.line for fault in refused.value.faults] == [1, 2, 3, 4, 5]
@@ -392,15 +455,24 @@ def test_the_motion_stops_at_a_change_of_the_tool_whatever_joins_say(read):
 
 
 def test_events_mark_the_place_where_the_path_has_come_to(read):
-    """A block's events come before its motion, as in LinuxCNC; before the first segment they mark its start."""
+    """A block's events come before its motion, as in LinuxCNC; before the first segment they mark
+    its start.
+    """
     done = read("G21 M3 S5\nG1 X1 F600 M8\nX2\nX3 M9\nM5")
     assert [segment.trigger for segment in done.program.segments] == [
         Trigger("M3 S5 M8", 0.0), Trigger("M9"), Trigger("M5"),
     ]  # fmt: skip
-    assert done.warnings[0] == "marked by triggers: M3 (1x: line 1), M5 (1x: line 5), M8 (1x: line 2), M9 (1x: line 4)"
-    # a segment has one trigger, so that what comes at the end of the first marks the start of the second
+    assert (
+        done.warnings[0]
+        == "marked by triggers: M3 (1x: line 1), M5 (1x: line 5), M8 (1x: line 2), M9 (1x: line 4)"
+    )
+    # a segment has one trigger, so that what comes at the end of the first marks the start of the
+    # second
     done = read("G21 M3\nG1 X1 F600\nM6\nX2")
-    assert [segment.trigger for segment in done.program.segments] == [Trigger("M3", 0.0), Trigger("M6", 0.0)]
+    assert [segment.trigger for segment in done.program.segments] == [
+        Trigger("M3", 0.0),
+        Trigger("M6", 0.0),
+    ]
     assert isinstance(done.program.segments[0].join, Stop)
     assert isinstance(fit_joins(done.program, 1e-5).segments[0].join, Stop)
     done = read("G21 M3\nG1 X1 F600\nM5")
@@ -429,11 +501,16 @@ def test_events_mark_the_place_where_the_path_has_come_to(read):
         ("G1 X10\nM9\nG4 P0.5\nM5\nG1 X20", {"M9": (1, 0.0), "M5": (1, 0.5)}),
         ("G1 X10\nG4 P1\nM5\nM30", {"M5": (1, 1.0)}),
         ("G1 X10\nG4 P1\nM3\nG4 P2\nG1 X20", {"M3": (1, 1.0)}),
-        ("G1 X10\nM5\nG4 P1\nM6\nG4 P1\nM3\nG4 P2\nG1 X20", {"M5": (1, 0.0), "M6": (1, 1.0), "M3": (1, 2.0)}),
+        (
+            "G1 X10\nM5\nG4 P1\nM6\nG4 P1\nM3\nG4 P2\nG1 X20",
+            {"M5": (1, 0.0), "M6": (1, 1.0), "M3": (1, 2.0)},
+        ),
     ],
 )
 def test_events_among_dwells_come_when_the_file_has_them(read, text, rests):
-    """So many moves of 10 mm behind the start, and so many s of rest: in a plan, in its parts and on the way on."""
+    """So many moves of 10 mm behind the start, and so many s of rest: in a plan, in its parts and
+    on the way on.
+    """
     program = read("G21 G90 F1200\n" + text).program
     made = plan(program, "cartesian", order=2)
     move = plan(read("G21 G90 F1200\nG1 X10").program, "cartesian", order=2).duration
@@ -444,7 +521,9 @@ def test_events_among_dwells_come_when_the_file_has_them(read, text, rests):
     held = made.hold(0.6 * move) if "G4" not in text.partition("G1")[0] else None
     if held is not None:  # each once, as long behind its rest as planned
         late = made.resume(held).triggers
-        assert [event.name for event in (*held.triggers, *late)] == [event.name for event in made.triggers]
+        assert [event.name for event in (*held.triggers, *late)] == [
+            event.name for event in made.triggers
+        ]
         waits = np.diff([event.time for event in late])
         assert waits == pytest.approx(np.diff([due[event.name] for event in late]), abs=1e-6)
 
@@ -455,7 +534,9 @@ def test_events_of_a_file_that_is_not_held_are_found(read, tmp_path):
     assert program.segments.marked
     (event,) = plan(program, "traverser", order=2).triggers
     assert (event.name, event.where.segment) == ("M6", 1)
-    assert event.pose.translation[0] == pytest.approx(load_machine("traverser").home.translation[0] + 1e-3)
+    assert event.pose.translation[0] == pytest.approx(
+        load_machine("traverser").home.translation[0] + 1e-3
+    )
 
 
 def test_a_line_that_cannot_be_read_hides_nothing_that_the_next_would_miss(read):
@@ -478,7 +559,9 @@ def test_what_follows_the_end_is_told(read):
 
 def test_blanks_mean_nothing_even_in_numbers(read):
     """The places are those of `rs274`; a comment ends a word, so that it is none of its digits."""
-    done = read("G 2 1 G0 X1 0.5 Y- 2\n x + 1 2 . 5\tz 0 0 7\nN 1 0 g\t0 1 f 6 00 X[ 7 MODFIX[2.5] ] Y [1 OR0]\n")
+    done = read(
+        "G 2 1 G0 X1 0.5 Y- 2\n x + 1 2 . 5\tz 0 0 7\nN 1 0 g\t0 1 f 6 00 X[ 7 MODFIX[2.5] ] Y [1 OR0]\n"
+    )
     places = [(line.to * 1e3).round(9).tolist() for line in done.program.segments]
     assert places == [[10.5, -2, 0], [12.5, -2, 7], [1, 1, 7]]
     assert done.program.segments[2].speed == pytest.approx(0.01)
@@ -492,7 +575,9 @@ def test_comments_may_hold_anything(read):
 
 
 @settings(max_examples=300)
-@given(st.binary(max_size=200) | st.text("GXYMFIJR0123456789.-+ \n()%;", max_size=200).map(str.encode))
+@given(
+    st.binary(max_size=200) | st.text("GXYMFIJR0123456789.-+ \n()%;", max_size=200).map(str.encode)
+)
 def test_any_bytes_are_a_program_or_a_refusal(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "any.nc"
     path.write_bytes(data)
@@ -504,13 +589,16 @@ def test_any_bytes_are_a_program_or_a_refusal(tmp_path_factory, data):
 
 
 def test_many_words_are_read_in_time(read):
-    """Twenty thousand lines, and a million words of other kinds: 2 s for 100 000 lines is 0.4 s for 20 000.
+    """Twenty thousand lines, and a million words of other kinds: 2 s for 100 000 lines is 0.4 s for
+    20 000.
 
-    By the processor's time, the least of three, and half as much again, since others work on the same machine.
+    By the processor's time, the least of three, and half as much again, since others work on the
+    same machine.
     """
     rng = random.Random(2)
     lines = ["G21 F600 G1"] + [
-        f"N{n} X{rng.uniform(-9, 9):.4f} Y{rng.uniform(-9, 9):.4f} Z{rng.random():.4f}" for n in range(20_000)
+        f"N{n} X{rng.uniform(-9, 9):.4f} Y{rng.uniform(-9, 9):.4f} Z{rng.random():.4f}"
+        for n in range(20_000)
     ]
     text = "\n".join(lines)
     took = []
@@ -539,7 +627,12 @@ def test_the_format_is_found_by_suffix_or_by_name(read):
         read("G0 X1", format="gcod")
     with pytest.raises(MotionError, match='format gcode has no option "speed"'):
         read("G0 X1", speed=3)
-    for option in ({"rapid": -1.0}, {"blend": 0.0}, {"origin": "1, 2"}, {"origin": "1 mm, 2 mm, 3 s"}):
+    for option in (
+        {"rapid": -1.0},
+        {"blend": 0.0},
+        {"origin": "1, 2"},
+        {"origin": "1 mm, 2 mm, 3 s"},
+    ):
         with pytest.raises(MotionError):
             read("G0 X1", **option)
     assert read("G0 X1 Y1", origin="0 mm, 0 mm, 0 mm").program.work is not None
@@ -552,7 +645,11 @@ def test_the_format_is_found_by_suffix_or_by_name(read):
     [
         ("G54 G1 X1 F100\nG55 X2", "G54 G55", "moved under G54 and moves under G55"),
         ("G43 H1 G1 Z1 F100\nG43 H2 Z2", "G43 H", "moved under G43 H1 and moves under G43 H2"),
-        ("T1 M6 G43 G1 Z1 F100\nT2 M6\nG43 Z2", "G43 T M6", "moved under G43 T1 and moves under G43 T2"),
+        (
+            "T1 M6 G43 G1 Z1 F100\nT2 M6\nG43 Z2",
+            "G43 T M6",
+            "moved under G43 T1 and moves under G43 T2",
+        ),
         ("G43 H1 G1 Z1 F100\nG49\nZ2", "G43 H G49", "moved under G43 H1 and moves under G49"),
         ("G1 X1 F100\nG80\nX2", "G80", "no G0, G1, G2 or G3 is active"),
     ],
@@ -571,11 +668,16 @@ def test_offsets_that_change_are_not_left_out(read, text, ignore, words):
     ],
 )  # fmt: skip
 def test_offsets_that_stay_are_left_out(read, text, ignore):
-    assert [line.to[0] for line in read(f"G21\n{text}\n", ignore=ignore).program.segments] == [1e-3, 2e-3]
+    assert [line.to[0] for line in read(f"G21\n{text}\n", ignore=ignore).program.segments] == [
+        1e-3,
+        2e-3,
+    ]
 
 
 def test_what_rounding_leaves_of_a_zero_is_zero(read):
-    """-0, and 0.3 - 0.1 - 0.2 in mm, which is not 0 in floating point; what is larger stays as it is."""
+    """-0, and 0.3 - 0.1 - 0.2 in mm, which is not 0 in floating point; what is larger stays as it
+    is.
+    """
     found = read("G21 G1 F100 X1 Y-0\nG91 X-0.9 Y0.3\nY-0.1\nY-0.2").program
     places = np.array([line.to for line in found.segments])
     assert not np.signbit(places).any()
@@ -589,7 +691,9 @@ def test_a_file_is_read_as_a_stream(tmp_path):
     """The same segments as of the whole, again and again; and none of them is held."""
     file = tmp_path / "long.nc"
     text = "G21 G64 P0.01 F600\nG2 X1 I0.5 Z0.00000000000001\n"
-    moves = (f"G1 X{k % 7} Y{k % 11}\n" + ("G4 P0.1\n" if k % 50 == 9 else "") for k in range(2_000))
+    moves = (
+        f"G1 X{k % 7} Y{k % 11}\n" + ("G4 P0.1\n" if k % 50 == 9 else "") for k in range(2_000)
+    )
     file.write_text(text + "".join(moves))
     whole, stream = Gcode().read(file), Gcode().stream(file)
     assert stream.entities == whole.entities
@@ -614,22 +718,31 @@ def test_a_file_is_read_as_a_stream(tmp_path):
 
 
 def test_more_segments_than_a_program_holds_are_refused_where_they_are(read, monkeypatch):
-    """Counted first where the lines are as many, so that they are not all held; also where blocks run again."""
+    """Counted first where the lines are as many, so that they are not all held; also where blocks
+    run again.
+    """
     monkeypatch.setattr("planner.sources.gcode.MOST_SEGMENTS", 100)
     moves = "".join(f"G1 X{k}\n" for k in range(1, 102))
     with pytest.raises(
-        FileError, match=r"part.nc:102: more than 100 segments, which a program does not hold: plan the"
+        FileError,
+        match=r"part.nc:102: more than 100 segments, which a program does not hold: plan the",
     ):
         read("G21 F600\n" + moves + "G1 X0\n" * 9)
     with pytest.raises(FileError, match=r"part.nc:3: more than 100 segments"):
         read("G21 G91 F600\nO1 repeat [200]\nG1 X1\nO1 endrepeat\n")
-    assert len(read("G21 F600\n" + "".join(moves.splitlines(keepends=True)[:100])).program.segments) == 100
+    assert (
+        len(read("G21 F600\n" + "".join(moves.splitlines(keepends=True)[:100])).program.segments)
+        == 100
+    )
 
 
 def test_a_stream_has_the_outline_of_the_whole(tmp_path, monkeypatch):
     """Of many segments several share a stroke: its points, its extents and its length stay."""
     file = tmp_path / "long.nc"
-    file.write_text("G21 F600\n" + "".join(f"G1 X{k % 7} Y{k % 5}\nG3 X{k % 7 + 1} R3\nG4 P1\n" for k in range(1, 60)))
+    file.write_text(
+        "G21 F600\n"
+        + "".join(f"G1 X{k % 7} Y{k % 5}\nG3 X{k % 7 + 1} R3\nG4 P1\n" for k in range(1, 60))
+    )
     whole, stream = Gcode().read(file).program, Gcode().stream(file).program
     one = outline(whole)
     for most in (20_000, 50, 7):
@@ -639,9 +752,15 @@ def test_a_stream_has_the_outline_of_the_whole(tmp_path, monkeypatch):
         np.testing.assert_array_equal(other.low, one.low)
         np.testing.assert_array_equal(other.high, one.high)
         assert other.length == pytest.approx(one.length, rel=1e-12)
-        rows = [np.concatenate([found.strokes[0][:1], *(part[1:] for part in found.strokes)]) for found in (one, other)]
+        rows = [
+            np.concatenate([found.strokes[0][:1], *(part[1:] for part in found.strokes)])
+            for found in (one, other)
+        ]
         np.testing.assert_array_equal(*rows)
-    text = "\n".join(program_lines(stream, "told", source="long.nc", segments=iter(stream.segments))) + "\n"
+    text = (
+        "\n".join(program_lines(stream, "told", source="long.nc", segments=iter(stream.segments)))
+        + "\n"
+    )
     assert text == program_toml(whole, "told", source="long.nc")
 
 
@@ -655,5 +774,11 @@ def test_lines_are_counted_whatever_ends_them(read, end):
 def test_what_is_skipped_and_what_is_long_names_its_line(read):
     done = read("G21 G90\nG1 X1 F600\nG1 X1\nG4 P1500\nG1 X2\nG4 P99\n")
     assert "blocks that end where they start were skipped (1x: line 3)" in done.warnings
-    assert "dwells above 100 s, of which P may be meant in ms (option dwell) (1x: line 4)" in done.warnings
-    assert not any("dwells" in told for told in read("G21 G90\nG1 X1 F600\nG4 P1500\nG1 X2\n", dwell="ms").warnings)
+    assert (
+        "dwells above 100 s, of which P may be meant in ms (option dwell) (1x: line 4)"
+        in done.warnings
+    )
+    assert not any(
+        "dwells" in told
+        for told in read("G21 G90\nG1 X1 F600\nG4 P1500\nG1 X2\n", dwell="ms").warnings
+    )

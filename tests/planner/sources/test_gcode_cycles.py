@@ -1,4 +1,5 @@
-"""Canned cycles: against the points that LinuxCNC's interpreter prints for the same blocks, `rs274 -g`.
+"""Canned cycles: against the points that LinuxCNC's interpreter prints for the same blocks, `rs274
+-g`.
 
 The blocks are those of LinuxCNC's tests/interp/g81 and g84, and variations of them. Version 2.9.
 """
@@ -55,7 +56,10 @@ CASES = {
         "G0 0 0 5\nG0 1 0 5\nG0 1 0 1\nG1 1 0 0.3\nG0 1 0 0.554\nG1 1 0 -0.4\nG0 1 0 -0.146\nG1 1 0 -1\nG0 1 0 1",
     ),
     "G84": ("G99 G84 X1 Z-1 R1", "G0 0 0 1\nG0 1 0 1\nG1 1 0 -1\nG1 1 0 1"),
-    "G74 with a dwell": ("G99 G74 X1 Z-1 R1 P0.5", "G0 0 0 1\nG0 1 0 1\nG1 1 0 -1\nP 0.5\nG1 1 0 1"),
+    "G74 with a dwell": (
+        "G99 G74 X1 Z-1 R1 P0.5",
+        "G0 0 0 1\nG0 1 0 1\nG1 1 0 -1\nP 0.5\nG1 1 0 1",
+    ),
     "G85": ("G0 Z5\nG99 G85 X1 Z-1 R1", "G0 0 0 5\nG0 1 0 5\nG0 1 0 1\nG1 1 0 -1\nG1 1 0 1"),
     "G86": ("G99 G86 X1 Z-1 R1 P0.5", "G0 0 0 1\nG0 1 0 1\nG1 1 0 -1\nP 0.5\nG0 1 0 1"),
     "G87": (
@@ -87,7 +91,9 @@ def test_holes_are_those_of_linuxcnc(read, text, expected):
 def test_inches_are_inches_and_turned_systems_are_turned(read):
     """The clearance of a step stays 0.254 mm, which LinuxCNC has as 0.010 in."""
     done = read("G20 G90 F60\nG99 G83 X1 Z-0.5 R0.5 Q0.6\nM2\n")
-    assert [row[3] for row in steps(done)] == pytest.approx([12.7, 12.7, -2.54, 12.7, -2.286, -12.7, 12.7])
+    assert [row[3] for row in steps(done)] == pytest.approx(
+        [12.7, 12.7, -2.54, 12.7, -2.286, -12.7, 12.7]
+    )
     turned = read("G21 G90 F600\nG10 L2 P1 X3 Y2 R90\nG54\nG99 G81 X1 Z-1 R1\nM2\n")
     hole = next(row for row in steps(turned) if row[0] == "G1")
     # home is (-2, 3) in the turned system, so that the hole at (1, 3) lies at (0, 3) from home
@@ -107,7 +113,9 @@ def test_the_spindle_turns_as_the_cycle_says(read):
 
 
 def test_an_operator_retracts_where_g88_stops(read):
-    """LinuxCNC takes the tool to be at the retract level after the stop; here it goes there by itself."""
+    """LinuxCNC takes the tool to be at the retract level after the stop; here it goes there by
+    itself.
+    """
     done = read("G21 G90 F600 M3\nG0 Z5\nG98 G88 X1 Z-1 R1 P0.2\nG0 X0\nM2\n")
     segments = done.program.segments
     assert steps(done)[3:] == parse("G1 1 0 -1\nP 0.2\nG0 1 0 5\nG0 0 0 5")
@@ -116,7 +124,9 @@ def test_an_operator_retracts_where_g88_stops(read):
 
 
 def test_joins_in_a_cycle_stay_on_the_path(read):
-    """As `rs274` prints SET_MOTION_CONTROL_MODE(CANON_EXACT_PATH) before each hole and the mode after it."""
+    """As `rs274` prints SET_MOTION_CONTROL_MODE(CANON_EXACT_PATH) before each hole and the mode
+    after it.
+    """
     text = "G21 G90 F600\nG0 Z5\nG99 G81 X1 Z-1 R1\nX2\nG80\nG0 X3\n"
     joins = [type(part.join) for part in read(text, fit=1e-5).program.segments]
     assert joins[1:-1] == [Through] * (len(joins) - 2)
@@ -139,7 +149,9 @@ def test_a_level_that_nobody_stated_is_said(read):
     text = "G21 G90 F600\nG0 Z5\n{}G81 X1 Z-1 R1\n"
     assert any("without G98 or G99" in warning for warning in read(text.format("")).warnings)
     assert not any("G98" in warning for warning in read(text.format("G99 ")).warnings)
-    assert not any("G98" in warning for warning in read(text.format("").replace("R1", "R5")).warnings)
+    assert not any(
+        "G98" in warning for warning in read(text.format("").replace("R1", "R5")).warnings
+    )
 
 
 @pytest.mark.parametrize(

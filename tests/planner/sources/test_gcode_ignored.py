@@ -1,4 +1,6 @@
-"""Words of G-code that are left out: their arguments go with them, and the path stays as it is without their line."""
+"""Words of G-code that are left out: their arguments go with them, and the path stays as it is
+without their line.
+"""
 
 import pytest
 
@@ -41,10 +43,14 @@ def test_a_word_takes_its_arguments_along(read, form):
         assert moves(read(text, ignore="M")) == without, command
 
 
-@pytest.mark.parametrize("text", ["G2 X20 I5 M0 P2", "X20 I5 M8 P2", "G3 X20 I5 M205 P2", "G4 M9 P2", "G2 X20 M5 R5"])
+@pytest.mark.parametrize(
+    "text", ["G2 X20 I5 M0 P2", "X20 I5 M8 P2", "G3 X20 I5 M205 P2", "G4 M9 P2", "G2 X20 M5 R5"]
+)
 def test_numbers_that_two_words_may_own_are_refused(read, text):
     """Turns of an arc, the s of a dwell, a radius: without them it is another program."""
-    with pytest.raises(FileError, match="may belong to the word that is left out or to its block's G word"):
+    with pytest.raises(
+        FileError, match="may belong to the word that is left out or to its block's G word"
+    ):
         read(f"{HEAD}G2 X12 I1\n{text}{TAIL}", ignore="M")
 
 
@@ -59,7 +65,9 @@ def test_numbers_that_two_words_may_own_are_refused(read, text):
 )  # fmt: skip
 def test_words_of_a_motion_stay_with_it(read, text, ignore, x):
     if ignore is None:
-        with pytest.raises(FileError, match="X3 may belong to the word that is left out or to its block's G word"):
+        with pytest.raises(
+            FileError, match="X3 may belong to the word that is left out or to its block's G word"
+        ):
             read(HEAD + text, ignore="M205")
         return
     assert moves(read(HEAD + text, ignore=ignore))[-1][0][0] == x

@@ -1,4 +1,6 @@
-"""Modes, origins and subprograms of G-code: against `rs274 -g` of LinuxCNC 2.9, and points computed by hand."""
+"""Modes, origins and subprograms of G-code: against `rs274 -g` of LinuxCNC 2.9, and points computed
+by hand.
+"""
 
 from math import degrees, pi, radians
 
@@ -15,12 +17,20 @@ from planner.sources.rs274.arcs import Way, arc_by_centre, arc_by_radius
 
 def places(done):
     """Ends of the lines in mm."""
-    return [np.round(part.to * 1e3, 9).tolist() for part in done.program.segments if isinstance(part, Line)]
+    return [
+        np.round(part.to * 1e3, 9).tolist()
+        for part in done.program.segments
+        if isinstance(part, Line)
+    ]
 
 
 def speeds(done):
     """Caps in mm/min."""
-    return [part.speed and part.speed * 6e4 for part in done.program.segments if isinstance(part, Line | Arc)]
+    return [
+        part.speed and part.speed * 6e4
+        for part in done.program.segments
+        if isinstance(part, Line | Arc)
+    ]
 
 
 # F is a speed
@@ -41,7 +51,9 @@ def test_a_feed_of_turns_and_of_inverse_time_has_no_unit_of_length(read):
 
 
 def test_home_and_dwells_have_no_unit_of_their_own(read):
-    done = read("G21 F600\nG1 X5 Y5\nG20\nG4 P2\nG28 Z1\nG1 X1\nG21\nG28\n", origin="0 mm, 0 mm, 3 mm")
+    done = read(
+        "G21 F600\nG1 X5 Y5\nG20\nG4 P2\nG28 Z1\nG1 X1\nG21\nG28\n", origin="0 mm, 0 mm, 3 mm"
+    )
     assert places(done) == [[5, 5, -3], [5, 5, 25.4], [5, 5, -3], [25.4, 5, -3], [0, 0, -3]]
     assert [part.duration for part in done.program.segments if isinstance(part, Dwell)] == [2]
     assert speeds(done) == [pytest.approx(600), None, None, pytest.approx(600), None]
@@ -55,7 +67,9 @@ def test_a_feed_beside_a_change_of_the_unit_is_warned_of(read):
     assert not any("G20" in warning for warning in read("G20 F60\nG1 X1\n").warnings)
     before = read("F60\nG20 G1 X1\n")
     assert speeds(before) == pytest.approx([60])
-    assert any("F before the first G20 or G21 counts in mm" in warning for warning in before.warnings)
+    assert any(
+        "F before the first G20 or G21 counts in mm" in warning for warning in before.warnings
+    )
 
 
 # M70 to M73
@@ -63,7 +77,11 @@ def test_a_feed_beside_a_change_of_the_unit_is_warned_of(read):
 
 def test_saved_modes_come_back(read):
     """The places are those of `rs274`; without M72 the last would be 12."""
-    assert places(read("G21 F600\nG1 X5\nM70\nG91\nG1 X5\nM72\nG1 X2\n")) == [[5, 0, 0], [10, 0, 0], [2, 0, 0]]
+    assert places(read("G21 F600\nG1 X5\nM70\nG91\nG1 X5\nM72\nG1 X2\n")) == [
+        [5, 0, 0],
+        [10, 0, 0],
+        [2, 0, 0],
+    ]
     done = read("G21 F600 G99\nG10 L2 P1 X0\nG10 L2 P2 X10\nM70\nG20 G91\nF1 G18 G90.1 G61.1 G98 G55\nG1 X0.1\nM72\n"
                 "G1 X3\nG2 X5 I1\nG81 Z-1 R1 X7\n")  # fmt: skip
     # home is X-10 in G55, and the step of 0.1 in counts from there
@@ -88,7 +106,10 @@ def test_a_sub_restores_what_it_saved_for_itself(read):
     # M71 forgets it, and M70 only saves
     kept = places(read(text.replace("M73", "M73\nM71").replace("O1 call\nO1 call\n", "")))
     assert kept == [[25.4, 0, 0], [25.4 * 4, 0, 0], [25.4 * 9, 0, 0]]
-    assert places(read("G21 F600\nO1 sub\nM70\nG91\nO1 endsub\nG1 X3\nO1 call\nX3\n")) == [[3, 0, 0], [6, 0, 0]]
+    assert places(read("G21 F600\nO1 sub\nM70\nG91\nO1 endsub\nG1 X3\nO1 call\nX3\n")) == [
+        [3, 0, 0],
+        [6, 0, 0],
+    ]
 
 
 def test_the_spindle_and_coolant_come_back(read):
@@ -155,7 +176,9 @@ def test_a_turned_system_is_put_where_the_tool_has_these_numbers(
     segments = import_program(path).program.segments
     tool, origin = segments[0].to * 1e3, segments[-1].to * 1e3
     known = {"X": 1.0, "Y": 2.0, "Z": 3.0} | numbers
-    there = Rotation.from_euler("z", round(turn, 6), degrees=True).apply([known[letter] for letter in "XYZ"])
+    there = Rotation.from_euler("z", round(turn, 6), degrees=True).apply(
+        [known[letter] for letter in "XYZ"]
+    )
     np.testing.assert_allclose(tool - origin, there, atol=2e-5)
 
 
@@ -190,20 +213,22 @@ def test_retraction_of_a_printer_is_skipped(read):
 
 def test_subprograms_run_where_m98_calls_them(read):
     """LinuxCNC's tests/interp/m98m99: basics, nested calls, and the main program's own number."""
-    text = (
-        "%\nO1000 (MAIN)\nG21 F600\nM98 P0002\nG0 X5 Y5\nM30\nO0002\nG0 X9\nM98 P3 L2\nM99\nO3\nG91 G1 X1\nG90\nM99\n%"
-    )
+    text = "%\nO1000 (MAIN)\nG21 F600\nM98 P0002\nG0 X5 Y5\nM30\nO0002\nG0 X9\nM98 P3 L2\nM99\nO3\nG91 G1 X1\nG90\nM99\n%"
     done = read(text)
     assert places(done) == [[9, 0, 0], [10, 0, 0], [11, 0, 0], [5, 5, 0]]
     assert not any("not read" in warning for warning in done.warnings)
-    shared = read("G21\n#1 = 0\nM98 P[1 + 1] L3\nG0 X#1\nM98 P2 L0\nG0 X[#1 + 1]\nM2\nO2\n#1 = [#1 + 1]\nM99\n")
+    shared = read(
+        "G21\n#1 = 0\nM98 P[1 + 1] L3\nG0 X#1\nM98 P2 L0\nG0 X[#1 + 1]\nM2\nO2\n#1 = [#1 + 1]\nM99\n"
+    )
     assert places(shared) == [[3, 0, 0], [4, 0, 0]]
 
 
 def test_the_main_program_ends_where_it_would_start_again(read):
     done = read("G21\nG0 X5\nM99\nG0 X9\n")
     assert places(done) == [[5, 0, 0]]
-    assert "M99 in line 3 ends the program, where a controller would start it again" in done.warnings
+    assert (
+        "M99 in line 3 ends the program, where a controller would start it again" in done.warnings
+    )
     assert "not read: 1 line after the end of the program" in done.warnings
 
 
@@ -241,9 +266,7 @@ def test_what_a_call_returns_is_zero_where_it_returns_nothing(read):
     text = "G21 G91\nG0 X[1 + #<_value>] Y#<_value_returned>\n"
     text += "O1 sub\nO2 if [#1 GT 0]\nO1 return [#1]\nO2 endif\nO1 endsub\n"
     calls = "".join(f"O1 call [{k}]\nX[1 + #<_value>] Y#<_value_returned>\n" for k in (5, 0, 7, -1))
-    end = (
-        "O3 sub\nO3 endsub [4]\nO3 call\nX[1 + #<_value>] Y#<_value_returned>\nM98 P9\nX[1 + #<_value>]\nM2\nO9\nM99\n"
-    )
+    end = "O3 sub\nO3 endsub [4]\nO3 call\nX[1 + #<_value>] Y#<_value_returned>\nM98 P9\nX[1 + #<_value>]\nM2\nO9\nM99\n"
     steps = np.diff(places(read(text + calls + end)), axis=0, prepend=np.zeros((1, 3)))[:, :2]
     assert np.round(steps).tolist() == [[1, 0], [6, 1], [1, 0], [8, 1], [1, 0], [5, 1], [1, 0]]
     with pytest.raises(FileError, match="#<_value> is set by calls only"):
@@ -257,10 +280,16 @@ def test_the_motion_stops_where_the_program_waits(read):
     """`rs274` prints PROGRAM_STOP after the motion of its block; M6 comes before it."""
     done = read("G21 F600\nG1 X1 M0\nX2\nX3 M1\nM60\nX4\n", fit=1e-5)
     segments = done.program.segments
-    assert [part.trigger.name if part.trigger else "" for part in segments] == ["M0", "", "M1 M60", ""]
+    assert [part.trigger.name if part.trigger else "" for part in segments] == [
+        "M0",
+        "",
+        "M1 M60",
+        "",
+    ]
     assert [isinstance(part.join, Stop) for part in segments] == [True, False, True, False]
     assert (
-        "the motion stops, and a trigger marks it: M0 (1x: line 2), M1 (1x: line 4), M60 (1x: line 5)" in done.warnings
+        "the motion stops, and a trigger marks it: M0 (1x: line 2), M1 (1x: line 4), M60 (1x: line 5)"
+        in done.warnings
     )
     made = plan(done.program, "cartesian", order=2)
     assert [event.name for event in made.triggers] == ["M0", "M1 M60"]
@@ -274,7 +303,9 @@ def test_the_motion_stops_where_the_program_waits(read):
 
 
 def test_outputs_are_triggers_with_their_arguments(read):
-    done = read("G21 F600\nG1 X1\nM62 P1\nM65 P2 X2\nM68 E1 Q2.5\nM66 P1 L3 Q5\nX3\nM66 P1 L0\nX4\n")
+    done = read(
+        "G21 F600\nG1 X1\nM62 P1\nM65 P2 X2\nM68 E1 Q2.5\nM66 P1 L3 Q5\nX3\nM66 P1 L0\nX4\n"
+    )
     segments = done.program.segments
     names = [part.trigger.name if part.trigger else "" for part in segments]
     assert names == ["M62 P1 M65 P2", "M68 E1 Q2.5 M66 P1 L3 Q5", "M66 P1 L0", ""]
@@ -287,7 +318,9 @@ def test_outputs_are_triggers_with_their_arguments(read):
 def test_a_short_arc_after_a_rounded_one_stays_short(read):
     """The second arc is -0.0057°, whatever is left of the first one's mismatch of 4 um."""
     done = read("G21 G90 G17 F600\nG2 X50.004 Y-50 I0 J-50\nG2 X50.001 Y-50 I-0.0015 J30\n")
-    assert degrees(done.program.segments[1].angle) == pytest.approx(-2 * degrees(np.arctan(0.0015 / 30)), rel=1e-3)
+    assert degrees(done.program.segments[1].angle) == pytest.approx(
+        -2 * degrees(np.arctan(0.0015 / 30)), rel=1e-3
+    )
 
 
 @settings(max_examples=200)
@@ -298,7 +331,9 @@ def test_a_short_arc_after_a_rounded_one_stays_short(read):
 def test_arcs_shorter_than_the_mismatch_run_the_way_that_the_file_states(
     radius, begin, chord, clockwise, along, across, by_radius
 ):
-    """The tool is some um from the start, in any direction: never a turn, and never against the sense of travel."""
+    """The tool is some um from the start, in any direction: never a turn, and never against the
+    sense of travel.
+    """
     sense = -1 if clockwise else 1
     sweep = sense * chord / radius
     start = np.array([np.cos(begin), np.sin(begin)]) * radius
@@ -327,7 +362,9 @@ def test_an_offset_across_the_plane_may_be_nothing(read):
     flat = read("G21 F600\nG0 Z5\nG2 X2 I1 K0\n").program.segments[-1]
     assert flat.angle == pytest.approx(-pi)
     assert flat.centre == pytest.approx([1e-3, 0, 5e-3])
-    assert read("G21 F600\nG0 Z5\nG90.1 G2 X2 I1 J0 K5\n").program.segments[-1].angle == pytest.approx(-pi)
+    assert read("G21 F600\nG0 Z5\nG90.1 G2 X2 I1 J0 K5\n").program.segments[
+        -1
+    ].angle == pytest.approx(-pi)
     assert read("G21 F600\nG18 G2 X2 R1 J0\n").program.segments[-1].angle == pytest.approx(-pi)
     for text in ("G2 X2 I1 K1", "G90.1 G2 X2 I1 J0 K3", "G2 X2 K0"):
         with pytest.raises((FileError, MotionError)):

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from kinematics import FileError, MotionError, load_machine
-from planner import Dwell, Line, PositionList, Stop, import_program, load_positions, plan, save_positions
+from planner import (
+    Dwell,
+    Line,
+    PositionList,
+    Stop,
+    import_program,
+    load_positions,
+    plan,
+    save_positions,
+)
 from planner.export.formats.kmitl import list_text
 
 TEXT = "x [mm], z [mm], dwell [ms]\n0, 10, 200\n5, 10, 0\n-5, 10, 500\n"
@@ -32,9 +41,13 @@ def test_a_column_says_how_long_it_rests(listing):
 
 def test_the_motion_stands_there_so_long(listing, hexapod):
     """Rests of 0.2 and 0.5 s among three stops add exactly those to the plan."""
-    with_rests = plan(import_program(listing(TEXT), join="stop").program, hexapod, order=2).trajectory
+    with_rests = plan(
+        import_program(listing(TEXT), join="stop").program, hexapod, order=2
+    ).trajectory
     bare = plan(
-        import_program(listing(TEXT.replace("200", "0").replace("500", "0")), join="stop").program, hexapod, order=2
+        import_program(listing(TEXT.replace("200", "0").replace("500", "0")), join="stop").program,
+        hexapod,
+        order=2,
     )
     assert with_rests.duration == pytest.approx(bare.trajectory.duration + 0.7, abs=1e-9)
     t = np.linspace(0, with_rests.duration, 20_001)
@@ -45,11 +58,18 @@ def test_the_motion_stands_there_so_long(listing, hexapod):
 @pytest.mark.parametrize("rule", ["optimal", "kmitl"])
 def test_the_option_rests_at_every_pose(listing, rule):
     program = import_program(listing(TEXT), dwell=0.1, rule=rule).program
-    assert [segment.duration for segment in program.segments if isinstance(segment, Dwell)] == [0.1] * 3
+    assert [segment.duration for segment in program.segments if isinstance(segment, Dwell)] == [
+        0.1
+    ] * 3
 
 
 def test_a_list_keeps_its_rests_through_every_edit(tmp_path):
-    one = PositionList(np.zeros((0, 6))).record(np.zeros(6)).record(np.full(6, 0.01), 0.25).insert(1, np.ones(6), 0.125)
+    one = (
+        PositionList(np.zeros((0, 6)))
+        .record(np.zeros(6))
+        .record(np.full(6, 0.01), 0.25)
+        .insert(1, np.ones(6), 0.125)
+    )
     assert one.rests.tolist() == [0.125, 0.0, 0.25]
     assert one.remove(2).rests.tolist() == [0.125, 0.25]
     assert one.part(2, 3).rests.tolist() == [0.0, 0.25]

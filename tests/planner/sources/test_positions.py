@@ -1,4 +1,6 @@
-"""Position lists: edited as values, read from CSV and from the source's own files, and run by its rule or by ours."""
+"""Position lists: edited as values, read from CSV and from the source's own files, and run by its
+rule or by ours.
+"""
 
 from itertools import pairwise
 
@@ -46,7 +48,8 @@ def write(tmp_path):
     return written
 
 
-# --- the list as a value --------------------------------------------------------------------------------------------
+# --- the list as a value
+# --------------------------------------------------------------------------------------------
 
 
 @settings(max_examples=50, deadline=None, derandomize=True)
@@ -56,13 +59,20 @@ def test_it_does_what_a_list_does(data):
     listed, known = PositionList(np.zeros((0, 6))), []
     for k in range(data.draw(st.integers(1, 12))):
         pose = [float(k), 0, 0, 0, 0, 0]
-        what = data.draw(st.sampled_from(["record", "insert", "remove", "part"])) if known else "record"
+        what = (
+            data.draw(st.sampled_from(["record", "insert", "remove", "part"]))
+            if known
+            else "record"
+        )
         number = data.draw(st.integers(1, max(1, len(known))))
         last = data.draw(st.integers(number, max(number, len(known))))
         if what == "record":
             listed, known = listed.record(pose), [*known, k]
         elif what == "insert":
-            listed, known = listed.insert(number, pose), [*known[: number - 1], k, *known[number - 1 :]]
+            listed, known = (
+                listed.insert(number, pose),
+                [*known[: number - 1], k, *known[number - 1 :]],
+            )
         elif what == "remove":
             listed, known = listed.remove(number, last), known[: number - 1] + known[last:]
         else:
@@ -98,7 +108,8 @@ def test_angles_combine_as_the_order_says(order):
     assert listed.rotations[0].as_matrix() == pytest.approx(product.as_matrix(), abs=1e-15)
 
 
-# --- CSV ------------------------------------------------------------------------------------------------------------
+# --- CSV
+# ------------------------------------------------------------------------------------------------------------
 
 
 @settings(max_examples=50, deadline=None, derandomize=True)
@@ -122,7 +133,9 @@ def test_what_is_written_is_read_back(tmp_path_factory, rows, order):
 def test_units_stand_in_the_header_or_in_options(write):
     stated = write("z [mm]; x (in); θy [rad]\n25; 1; 0.5\n\n-3e1; .5; -1.\n")
     listed, told = Positions().load(stated)
-    assert listed.poses == pytest.approx(np.array([[0.0254, 0, 0.025, 0, 0.5, 0], [0.0127, 0, -0.03, 0, -1, 0]]))
+    assert listed.poses == pytest.approx(
+        np.array([[0.0254, 0, 0.025, 0, 0.5, 0], [0.0127, 0, -0.03, 0, -1, 0]])
+    )
     assert told == ["no column y: 0 was taken"]
     bare = write("x,y,z,rx\n1,2,3,90\n", "bare.csv")
     with pytest.raises(
@@ -154,7 +167,8 @@ def test_faults_of_a_list_are_told_with_their_lines(tmp_path, text, words):
         import_program(tmp_path / "list.csv")
 
 
-# --- the two ways to run a list --------------------------------------------------------------------------------------
+# --- the two ways to run a list
+# --------------------------------------------------------------------------------------
 
 
 def test_through_the_poses(write):
@@ -166,7 +180,9 @@ def test_through_the_poses(write):
         assert part.to == pytest.approx(pose[:3], rel=1e-15)
         assert (part.speed, part.join) == (0.01, Blend(1e-4))
     assert first.rotate is None
-    assert turn.to.as_matrix() == pytest.approx(Rotation.from_euler("XYZ", POSES[2, 3:]).as_matrix())
+    assert turn.to.as_matrix() == pytest.approx(
+        Rotation.from_euler("XYZ", POSES[2, 3:]).as_matrix()
+    )
     assert isinstance(turn.join, Stop)
     assert found.warnings == ("skipped 1 pose equal to the pose before",)
     assert found.entities == {"poses": 5}
@@ -176,7 +192,9 @@ def test_through_the_poses(write):
 
 
 def test_the_stepping_rule_of_the_source(write):
-    """Its steps, by its own loop: Ve − Vs over the largest of them; angles only where nothing else changes."""
+    """Its steps, by its own loop: Ve − Vs over the largest of them; angles only where nothing else
+    changes.
+    """
     path = write(
         "# rotation = yzx\nx [mm],y [mm],z [mm],rx [deg],ry [deg],rz [deg]\n"
         "0,0,0,0,0,0\n10,-4,2,0,30,0\n10,-4,2,6,-3,0\n10,-4,0.5,0,0,0\n"
@@ -193,12 +211,18 @@ def test_the_stepping_rule_of_the_source(write):
     # six steps of 1° about x, and half as many about y: from the angles that it has, none
     for k, part in enumerate(turns, 1):
         ry, rz, rx = -0.5 * k, 0, k
-        wanted = Rotation.from_euler("Y", ry, degrees=True) * Rotation.from_euler("ZX", [rz, rx], degrees=True)
+        wanted = Rotation.from_euler("Y", ry, degrees=True) * Rotation.from_euler(
+            "ZX", [rz, rx], degrees=True
+        )
         assert (part.to.inv() * wanted).magnitude() < 1e-12
     # one and a half units down: a step of one, and what is left
     assert np.array([part.to[2] for part in down]) == pytest.approx([1e-3, 0.5e-3])
-    assert found.warnings == ("2 rotations combined with a translation were dropped, as the stepping rule requires",)
-    assert len(import_program(path, rule="kmitl", unit_length=1e-4).program.segments) == 100 + 6 + 15
+    assert found.warnings == (
+        "2 rotations combined with a translation were dropped, as the stepping rule requires",
+    )
+    assert (
+        len(import_program(path, rule="kmitl", unit_length=1e-4).program.segments) == 100 + 6 + 15
+    )
     with pytest.raises(MotionError, match="more than 100000"):
         import_program(path, rule="kmitl", unit_length=1e-8)
 
@@ -206,16 +230,23 @@ def test_the_stepping_rule_of_the_source(write):
 def test_the_default_is_faster_than_the_steps_through_the_same_poses(write):
     tripod = load_machine("tripod")
     path = write("x [mm],y [mm],z [mm]\n5,0,0\n5,5,3\n0,0,0\n")
-    optimal, steps = (plan(import_program(path, rule=rule).program, tripod, order=2) for rule in ("optimal", "kmitl"))
+    optimal, steps = (
+        plan(import_program(path, rule=rule).program, tripod, order=2)
+        for rule in ("optimal", "kmitl")
+    )
     assert optimal.certificate.holds
     assert steps.certificate.holds
-    ends = [made.trajectory.at(made.trajectory.duration).pose.translation for made in (optimal, steps)]
+    ends = [
+        made.trajectory.at(made.trajectory.duration).pose.translation for made in (optimal, steps)
+    ]
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
     assert optimal.trajectory.duration < steps.trajectory.duration
 
 
 def test_the_tools_centre(write):
-    """The source's end point lies below its plate: a turn about it swings the plate, and leaves it where it is."""
+    """The source's end point lies below its plate: a turn about it swings the plate, and leaves it
+    where it is.
+    """
     path = write("x [mm],z [mm],rx [deg]\n0,-50,0\n0,-50,10\n")
     program = import_program(path, tool="0 mm, 0 mm, -50 mm").program
     assert [type(part) for part in program.segments] == [Turn]
@@ -227,14 +258,22 @@ def test_where_nothing_moves(write):
         import_program(write("x [mm]\n0\n0\n"))
 
 
-# --- the files of the source, and its evidence -----------------------------------------------------------------------
+# --- the files of the source, and its evidence
+# -----------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def circle():
-    """Its demonstration: the end point traces a circle, 20 mm around the home pose's own height, 10 mm down."""
+    """Its demonstration: the end point traces a circle, 20 mm around the home pose's own height, 10
+    mm down.
+    """
     program = Program((Line([0.02, 0, -0.01]), Arc([0, 0, -0.01], [0, 0, 1], 2 * np.pi)))
-    made = plan(program, load_machine("tripod"), order=2, rule="dda:spacing=10ms,pulses_per_count=50,rate=400kHz")
+    made = plan(
+        program,
+        load_machine("tripod"),
+        order=2,
+        rule="dda:spacing=10ms,pulses_per_count=50,rate=400kHz",
+    )
     assert made.certificate.holds
     return ExportSource("circle", made.machine, made.trajectory, made.pulses)
 
@@ -291,7 +330,9 @@ def test_500_counts_a_unit_and_50_pulses_a_count(circle):
         assert counts == pytest.approx(way / 1e-3 * 500, abs=1)  # the DDA ends within a count
         bursts = schedule.ticks.reshape(-1, 50)
         assert np.diff(bursts, axis=1).max() <= circle.pulses.clock_hz / 400e3 + 1
-        assert (schedule.direction.reshape(-1, 50) == schedule.direction.reshape(-1, 50)[:, :1]).all()
+        assert (
+            schedule.direction.reshape(-1, 50) == schedule.direction.reshape(-1, 50)[:, :1]
+        ).all()
 
 
 def test_its_port_bytes(circle, tmp_path):
@@ -306,7 +347,9 @@ def test_its_port_bytes(circle, tmp_path):
                 for code in filter(None, (x, y, z)):
                     step[codes[code][0]] = codes[code][1]
                 sums[x + y + z] = step
-    steps, times = np.unique(np.frombuffer((tmp_path / "steps.bin").read_bytes(), np.uint8), return_counts=True)
+    steps, times = np.unique(
+        np.frombuffer((tmp_path / "steps.bin").read_bytes(), np.uint8), return_counts=True
+    )
     counts = sum(int(n) * sums[int(byte)] for byte, n in zip(steps, times, strict=True))
     assert counts.tolist() == [axis.final for axis in circle.pulses.axes]
 
@@ -343,7 +386,10 @@ def test_broken_files_of_the_source(write, text, words):
 
 
 def test_arms_that_do_not_meet(write):
-    text = "".join(f"PointL{arm}_10001{length}\n" for arm, length in ((1, "10.0000"), (2, "10.0000"), (3, "500.000")))
+    text = "".join(
+        f"PointL{arm}_10001{length}\n"
+        for arm, length in ((1, "10.0000"), (2, "10.0000"), (3, "500.000"))
+    )
     with pytest.raises(FileError, match="point 10001: tripod has no pose"):
         import_program(write(text, "list.txt"))
     with pytest.raises(MotionError, match="need a tripod"):
@@ -354,13 +400,16 @@ def test_both_writers_of_the_source_are_read(write):
     """One puts blanks around its underscores, the other does not; joints are read over."""
     keys = ["_____cex", "_____cey", "_____cez", "______rx", "______ry", "______rz"]
     tight = (
-        "".join(f"Polar1{key} {k}.5\n" for k, key in enumerate(keys)) + "Polar1_mov(1)x 3\nPolar1move(3)z -1.5E-2\n\n"
+        "".join(f"Polar1{key} {k}.5\n" for k, key in enumerate(keys))
+        + "Polar1_mov(1)x 3\nPolar1move(3)z -1.5E-2\n\n"
     )
     loose = "".join(f"Polar1 _____ {key.strip('_')} {k}.5\n" for k, key in enumerate(keys))
     for text in (tight, loose):
         listed, _ = Positions(unit_length=2e-3).load(write(text, "list.txt"))
         # z counts from the end point's height at home, 300 mm below the base
-        assert listed.poses[0] == pytest.approx([1e-3, 3e-3, -0.3 + 5e-3, *np.radians([3.5, 4.5, 5.5])])
+        assert listed.poses[0] == pytest.approx(
+            [1e-3, 3e-3, -0.3 + 5e-3, *np.radians([3.5, 4.5, 5.5])]
+        )
 
 
 @pytest.mark.parametrize("cell", ["1" * 140_000, '"' + "1" * 140_000])

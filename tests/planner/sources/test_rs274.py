@@ -1,4 +1,6 @@
-"""Expressions, O-words and offsets of G-code: against Python's own arithmetic, and programs unrolled by hand."""
+"""Expressions, O-words and offsets of G-code: against Python's own arithmetic, and programs
+unrolled by hand.
+"""
 
 import math
 from io import StringIO
@@ -13,7 +15,17 @@ from planner import Arc, Fit, Line, import_program
 from planner.sources.rs274.expressions import Cursor, Parameters
 from planner.sources.rs274.words import split_lines
 
-SIGNS = {"+": "+", "-": "-", "*": "*", "EQ": "==", "NE": "!=", "GT": ">", "GE": ">=", "LT": "<", "LE": "<="}
+SIGNS = {
+    "+": "+",
+    "-": "-",
+    "*": "*",
+    "EQ": "==",
+    "NE": "!=",
+    "GT": ">",
+    "GE": ">=",
+    "LT": "<",
+    "LE": "<=",
+}
 
 
 @pytest.fixture
@@ -46,7 +58,10 @@ numbers = st.integers(-9, 9).map(
 terms = st.recursive(
     numbers.map(lambda pair: (f"[{pair[0]}]", f"({pair[1]})")),
     lambda inner: st.tuples(inner, st.sampled_from(list(SIGNS)), inner).map(
-        lambda t: (f"[{t[0][0]} {t[1].lower()} {t[2][0]}]", f"(1.0*({t[0][1]} {SIGNS[t[1]]} {t[2][1]}))")
+        lambda t: (
+            f"[{t[0][0]} {t[1].lower()} {t[2][0]}]",
+            f"(1.0*({t[0][1]} {SIGNS[t[1]]} {t[2][1]}))",
+        )
     ),
     max_leaves=8,
 )
@@ -76,7 +91,11 @@ def test_values_that_the_language_states(text, value):
 
 def test_parameters_hold_behind_their_line(read):
     """#1 is set at the end of its line; a parameter may name another."""
-    done = read("G21 G0\n#1 = 5 #7 = 1\n#1 = 6 X#1\nX#1 Y[#1 * 2]\nX##7 Z-#<Depth>\n".replace("-#<Depth>", "1"))
+    done = read(
+        "G21 G0\n#1 = 5 #7 = 1\n#1 = 6 X#1\nX#1 Y[#1 * 2]\nX##7 Z-#<Depth>\n".replace(
+            "-#<Depth>", "1"
+        )
+    )
     np.testing.assert_allclose(places(done), [[5, 0, 0], [6, 12, 0], [6, 12, 1]])
 
 
@@ -153,7 +172,9 @@ def test_a_fault_of_a_line_that_runs_again_is_told_once(read):
 
 
 def test_systems_that_the_file_states_lie_from_home(read):
-    """G10 L2 moves and turns, L20 names where the tool is, G92 shifts all: each against the point by hand."""
+    """G10 L2 moves and turns, L20 names where the tool is, G92 shifts all: each against the point
+    by hand.
+    """
     text = """G21 G90 G0
 G10 L2 P2 X10 Y5 R90
 G55 X2 Y1
@@ -182,10 +203,18 @@ X0 Y0 Z0
 def test_arcs_turn_with_their_system(read):
     """Of every plane: ends and centres are those of the plain file, turned and moved."""
     moves = "G2 X2 Y0 I1 P2\nG18 G3 X4 Z1 R2\nG19 G3 Y2 J1\n"
-    plain, turned = (read(f"G21 G90{system}\nG0 X0 Y0 Z0\n{moves}", feed=0.01) for system in ("", " G10 L2 P1 X3 R30"))
+    plain, turned = (
+        read(f"G21 G90{system}\nG0 X0 Y0 Z0\n{moves}", feed=0.01)
+        for system in ("", " G10 L2 P1 X3 R30")
+    )
     angle = math.radians(30)
-    turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
-    arcs = [[part for part in done.program.segments if isinstance(part, Arc)] for done in (plain, turned)]
+    turn = np.array(
+        [[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]
+    )
+    arcs = [
+        [part for part in done.program.segments if isinstance(part, Arc)]
+        for done in (plain, turned)
+    ]
     for one, other in zip(*arcs, strict=True):
         np.testing.assert_allclose(turn @ one.centre + [3e-3, 0, 0], other.centre, atol=1e-12)
         np.testing.assert_allclose(turn @ one.normal, other.normal, atol=1e-12)
@@ -195,19 +224,30 @@ def test_arcs_turn_with_their_system(read):
 
 def test_home_is_come_to_by_the_way_that_is_stated(read):
     done = read("G21 G90 G1 X5 Y6 Z2\nG91 G28 Z1\nG90 G28\nX1", origin="0 mm, 0 mm, 10 mm")
-    np.testing.assert_allclose(places(done), [[5, 6, 2], [5, 6, 3], [5, 6, -10], [0, 0, -10], [1, 0, -10]])
+    np.testing.assert_allclose(
+        places(done), [[5, 6, 2], [5, 6, 3], [5, 6, -10], [0, 0, -10], [1, 0, -10]]
+    )
     assert done.entities == {"G0": 3, "G1": 2}
 
 
 def test_what_says_nothing_of_the_path_is_read(read):
-    """The preamble of most posts; a tolerance that is not stated is the option's; a dwell is before its motion."""
+    """The preamble of most posts; a tolerance that is not stated is the option's; a dwell is before
+    its motion.
+    """
     done = read(
-        "G17 G21 G40 G49 G54 G8 G80 G90 G94\nG64\nG0 X1\nG64 P0 Q0.1\nX2\nG64P.02Q.01\nX3\nG1 X4 G4 P1\n", fit=1e-4
+        "G17 G21 G40 G49 G54 G8 G80 G90 G94\nG64\nG0 X1\nG64 P0 Q0.1\nX2\nG64P.02Q.01\nX3\nG1 X4 G4 P1\n",
+        fit=1e-4,
     )
     joins = [part.join for part in done.program.segments if isinstance(part, Line)]
     assert [join.tolerance for join in joins[:2]] == [1e-4, 1e-4]
     assert isinstance(joins[0], Fit)
-    assert [type(part).__name__ for part in done.program.segments] == ["Line", "Line", "Line", "Dwell", "Line"]
+    assert [type(part).__name__ for part in done.program.segments] == [
+        "Line",
+        "Line",
+        "Line",
+        "Dwell",
+        "Line",
+    ]
 
 
 @pytest.mark.parametrize(("deleted", "wanted"), [("skip", [1, 3]), ("run", [1, 2, 3])])
@@ -237,7 +277,9 @@ def test_radii_may_differ_by_what_is_allowed(read):
     text = "G21 G0 X10\nF60 G2 X-10.02 I-10\n"
     with pytest.raises(FileError, match="arc_tolerance"):
         read(text)
-    assert "arcs end up to 20 um from their end points" in str(read(text, arc_tolerance=3e-5).warnings)
+    assert "arcs end up to 20 um from their end points" in str(
+        read(text, arc_tolerance=3e-5).warnings
+    )
 
 
 @given(text=st.text(st.sampled_from("G1 X\n\x0b\u2028"), max_size=40))

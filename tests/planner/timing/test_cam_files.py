@@ -114,7 +114,9 @@ def test_a_folder_is_planned_with_its_refusals(write_file, machine, tmp_path):
     write_file("no G-code", "c.txt")
 
     files = find_files(tmp_path)
-    runs = {file.name: try_file(file, lambda file: plan_file(file, machine, 2, None)) for file in files}
+    runs = {
+        file.name: try_file(file, lambda file: plan_file(file, machine, 2, None)) for file in files
+    }
 
     assert runs.keys() == {"a.ngc", "b.NC"}
     assert runs["a.ngc"].certified

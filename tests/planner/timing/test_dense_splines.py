@@ -25,5 +25,7 @@ def test_a_circle_of_2600_knots_takes_as_long_as_one_of_400():
 def test_too_many_are_refused_with_a_remedy_that_there_is(monkeypatch):
     """At the real limit, 100 000, the spline alone takes 5 s."""
     monkeypatch.setattr("planner.timing.grid.MAX_DENSE_PIECES", 100)
-    with pytest.raises(pp.MotionError, match=r"119 pieces without a stop, at most 100 .* start_speed"):
+    with pytest.raises(
+        pp.MotionError, match=r"119 pieces without a stop, at most 100 .* start_speed"
+    ):
         pp.time_optimal(circle(120), **LIMITS)

@@ -1,4 +1,6 @@
-"""Motions that begin and end at a speed: closed forms on one axis, the certificate, the pulses, what is refused."""
+"""Motions that begin and end at a speed: closed forms on one axis, the certificate, the pulses,
+what is refused.
+"""
 
 from dataclasses import replace
 
@@ -8,7 +10,18 @@ from scipy.interpolate import CubicSpline, PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
-from planner import Arc, Dwell, Infeasible, Line, Program, Spline, Turn, classical, plan, time_optimal
+from planner import (
+    Arc,
+    Dwell,
+    Infeasible,
+    Line,
+    Program,
+    Spline,
+    Turn,
+    classical,
+    plan,
+    time_optimal,
+)
 from planner.certificate import certify
 from planner.path.actuation import actuate
 from planner.pulses import check
@@ -59,7 +72,9 @@ def test_pulses_of_a_motion_that_is_under_way(moving):
     assert np.abs(moving.pulses.counts(0.0)[0] * 0.75e-6 - q).max() <= 0.75e-6 / 2 * (1 + 1e-6)
 
 
-@pytest.mark.parametrize(("start", "end", "moment"), [(0.0101, 0.02, 0), (0.0, 0.02, 0), (0.01, 0.0199, -1)])
+@pytest.mark.parametrize(
+    ("start", "end", "moment"), [(0.0101, 0.02, 0), (0.0, 0.02, 0), (0.01, 0.0199, -1)]
+)
 def test_the_certificate_takes_no_other_speed(moving, start, end, moment):
     """The same motion along a path that states another speed: a jump of speed, at that end."""
     stated = actuate(replace(moving.program, start_speed=start, end_speed=end), moving.machine)
@@ -116,7 +131,9 @@ def test_the_largest_end_speed_that_is_told_is_the_largest(seed, asked):
     at = ("start speed", "end speed").index(no.kind)
     speeds = np.zeros(2)  # beside a rest at the other end
     speeds[at] = 0.999 * no.limit
-    assert time_optimal(path, start_speed=speeds[0], end_speed=speeds[1], **limits).certificate.holds
+    assert time_optimal(
+        path, start_speed=speeds[0], end_speed=speeds[1], **limits
+    ).certificate.holds
     speeds[at] = 1.01 * no.limit
     assert refused(*speeds.tolist()).limit == pytest.approx(no.limit, rel=1e-3)
     slope = path(path.x[-1 if at else 0], 1)
@@ -124,7 +141,9 @@ def test_the_largest_end_speed_that_is_told_is_the_largest(seed, asked):
 
 
 def test_few_motions_are_solved_for_the_largest_end_speed(monkeypatch):
-    """The solver maximises the speed; motions are solved near its answer alone: a bisection would take fifteen."""
+    """The solver maximises the speed; motions are solved near its answer alone: a bisection would
+    take fifteen.
+    """
     from planner.timing import attempts
 
     solve, count = attempts.solve_once, 0

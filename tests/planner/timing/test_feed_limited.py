@@ -1,4 +1,6 @@
-"""Feed-limited runs: closed forms, any machine, no more time pieces than they need, and near the least."""
+"""Feed-limited runs: closed forms, any machine, no more time pieces than they need, and near the
+least.
+"""
 
 from dataclasses import replace
 
@@ -51,7 +53,9 @@ def test_an_arc_at_order_3_is_two_ramps_and_the_feed(machine, feed):
 
 
 def test_a_change_of_the_feed_is_a_ramp_in_the_faster_segment(machine):
-    """Order 2, on a line: from c₁ to c₂ takes (c₂ − c₁)/A, over (c₂² − c₁²)/2A of the faster segment."""
+    """Order 2, on a line: from c₁ to c₂ takes (c₂ − c₁)/A, over (c₂² − c₁²)/2A of the faster
+    segment.
+    """
     slow, fast, length = 1e-3, 5e-2, 0.02
     lines = [
         Line([length, 0, 0], speed=slow, join=Through()),
@@ -76,7 +80,9 @@ def test_a_change_of_the_feed_is_a_ramp_in_the_faster_segment(machine):
     ids=["line", "arc", "two lines"],
 )
 def test_where_the_cap_is_lowered_in_places_a_cruise_is_slower_there(machine, program, order):
-    """As input shapers need it: 0.8 of the cap c over a stretch l costs l/0.8c − l/c, and little at its ends."""
+    """As input shapers need it: 0.8 of the cap c over a stretch l costs l/0.8c − l/c, and little at
+    its ends.
+    """
     feed, first, last, share = 1e-2, 0.008, 0.01, 0.8
     path = actuate(program, machine)
     limits = limits_of(path, machine.axes, order)
@@ -117,7 +123,9 @@ SQUARE = [[0.03, 0, 0], [0.03, 0.03, 0], [0, 0.03, 0], [0, 0, 0.002]]
 @pytest.mark.parametrize("join", [Blend(2e-5), Fit(2e-5)], ids=["blend", "fit"])
 @pytest.mark.parametrize("order", [2, 3])
 def test_corners_that_are_rounded_are_passed_at_the_feed(machine, order, join):
-    """Along a blend |dp/ds| varies, and ṡ with it: the tool keeps its cap, and nothing else binds."""
+    """Along a blend |dp/ds| varies, and ṡ with it: the tool keeps its cap, and nothing else
+    binds.
+    """
     feed = 1e-3
     lines = [Line(to, speed=feed, join=join) for to in SQUARE]
     lines[-1] = replace(lines[-1], join=lines[0].join if isinstance(join, Fit) else Through())
@@ -146,7 +154,9 @@ def test_it_is_never_slower_than_the_classical_timing(machine, order, kind, feed
 
 
 def test_ramps_far_from_the_start_of_a_path_are_longer_than_rounding():
-    """At 11 µm/s and s = 60 mm the shortest ramp is 1e7 roundings of s: its proof exceeded the cap by 5e-7."""
+    """At 11 µm/s and s = 60 mm the shortest ramp is 1e7 roundings of s: its proof exceeded the cap
+    by 5e-7.
+    """
     hexapod = load_machine("hexapod")
     segments = [
         Line([0, 0, 0.025]),
@@ -167,7 +177,9 @@ def test_a_closed_form_loses_less_than_the_classical_timing_does(machine):
 
 
 def test_the_bound_knows_the_feed_at_a_join_to_a_slower_segment(machine):
-    """T = 0.35833 s in closed form; the bound let the tool pass the join at the faster feed, and lost 2 %."""
+    """T = 0.35833 s in closed form; the bound let the tool pass the join at the faster feed, and
+    lost 2 %.
+    """
     lines = [Line([0.02, 0, 0], speed=0.2, join=Through()), Line([0.04, 0, 0], speed=0.1)]
     made = plan(Program(lines), machine, order=2)
     exact = 0.2 / (2 * ACCELERATION) + 0.1 / (2 * ACCELERATION) + 0.02 / 0.2 + 0.02 / 0.1

@@ -1,4 +1,6 @@
-"""Thirty seeded motions that cannot be: each refusal names what, whose, where, how much, and what would make room."""
+"""Thirty seeded motions that cannot be: each refusal names what, whose, where, how much, and what
+would make room.
+"""
 
 from dataclasses import replace
 
@@ -17,7 +19,9 @@ STROKE, TILT = 0.0508, np.deg2rad(12.0)
 
 def machine(hexapod, stroke=STROKE, tilt=None):
     axes = [replace(axis, travel=(-0.2, stroke)) for axis in hexapod.axes]
-    return Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=tilt, name="own")
+    return Hexapod(
+        hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=tilt, name="own"
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +54,9 @@ def test_beyond_travel(hexapod, seed):
 @pytest.mark.parametrize("seed", range(9))
 def test_beyond_tilt(hexapod, seed):
     rng = np.random.default_rng(100 + seed)
-    across = rng.uniform(0.045, 0.06) * np.array([np.cos(angle := rng.uniform(0, 6.28)), np.sin(angle)])
+    across = rng.uniform(0.045, 0.06) * np.array(
+        [np.cos(angle := rng.uniform(0, 6.28)), np.sin(angle)]
+    )
     program = Program([Line([*across, rng.uniform(0.0, 0.02)])])
     wide = machine(hexapod, 0.2, TILT)
     no = check(program, wide).violations[0]
@@ -59,20 +65,30 @@ def test_beyond_tilt(hexapod, seed):
     assert check(program, machine(hexapod, 0.2, TILT * no.relaxation * 0.99)).violations
 
 
-@pytest.mark.parametrize(("seed", "order"), [*((seed, 2) for seed in range(9)), *((seed, 3) for seed in range(3))])
+@pytest.mark.parametrize(
+    ("seed", "order"), [*((seed, 2) for seed in range(9)), *((seed, 3) for seed in range(3))]
+)
 def test_too_fast_at_an_end(seed, order):
     """A speed beyond what a random curve, or the way to its other end, allows."""
     rng = np.random.default_rng(200 + seed)
     points = np.cumsum(rng.uniform(0.2, 1.0, (4, 2)), axis=0)
     spline = CubicSpline(np.arange(4.0), points, bc_type="natural")
     path = PolynomialPath(spline.x, spline.c, ["x", "y"])
-    axes = [Axis(name, max_speed=2.0, max_acceleration=rng.uniform(0.5, 2), max_jerk=20.0) for name in path.names]
+    axes = [
+        Axis(name, max_speed=2.0, max_acceleration=rng.uniform(0.5, 2), max_jerk=20.0)
+        for name in path.names
+    ]
     limits = limits_of(path, axes, order)
     asked, end = rng.uniform(5, 20), int(rng.integers(2))
 
     def tried(speed):
         return solve_run(
-            Task(path, limits, Run(0, 2, at_speeds(*((speed, 0.0) if end == 0 else (0.0, speed)))), order)
+            Task(
+                path,
+                limits,
+                Run(0, 2, at_speeds(*((speed, 0.0) if end == 0 else (0.0, speed)))),
+                order,
+            )
         ).require_profile()
 
     with pytest.raises(Infeasible) as refused:

@@ -1,4 +1,6 @@
-"""Time against heat: the parabola in closed form, no motion better by another's objective, and what is refused."""
+"""Time against heat: the parabola in closed form, no motion better by another's objective, and what
+is refused.
+"""
 
 from types import SimpleNamespace
 
@@ -39,7 +41,9 @@ def test_no_motion_is_better_by_another_s_objective(circle):
     weights = (0.0, 0.2, 1.0, 5.0)
     accelerations = np.array([axis.max_acceleration for axis in circle.machine.axes])
     fastest = certified_solve(circle.path, circle.limits, circle.order)
-    solutions = [solve_objective(fastest, circle.machine.axes, Objective(weight)) for weight in weights]
+    solutions = [
+        solve_objective(fastest, circle.machine.axes, Objective(weight)) for weight in weights
+    ]
     motions = [solution.trajectory for solution in solutions]
     time = np.array([motion.duration for motion in motions]) / motions[0].duration
     heat = np.array([measure_heat(motion, accelerations) for motion in motions])
@@ -57,11 +61,19 @@ def test_no_motion_is_better_by_another_s_objective(circle):
 def test_the_plan_has_it_and_its_bound_stays_one_of_time(circle):
     found = plan(circle.program, circle.machine, objective="time + 0.5 heat")
     assert found.certificate.holds
-    assert circle.lower_bound * (1 - 2e-3) < found.lower_bound <= circle.trajectory.duration < found.trajectory.duration
+    assert (
+        circle.lower_bound * (1 - 2e-3)
+        < found.lower_bound
+        <= circle.trajectory.duration
+        < found.trajectory.duration
+    )
     assert found.gap is None
     assert found.worth is None
     assert "0.5 heat" in str(found)
-    assert plan(circle.program, circle.machine, objective="time").trajectory.duration == circle.trajectory.duration
+    assert (
+        plan(circle.program, circle.machine, objective="time").trajectory.duration
+        == circle.trajectory.duration
+    )
 
 
 def test_objectives_are_read_and_told():
@@ -86,7 +98,9 @@ def test_objectives_are_read_and_told():
 
 def test_what_leaves_no_choice_is_refused(circle):
     program, machine = circle.program, circle.machine
-    constant = Program((Line(to=np.array([0, 0, 0.003]), speed=0.004, speed_constant=True),), name="constant")
+    constant = Program(
+        (Line(to=np.array([0, 0, 0.003]), speed=0.004, speed_constant=True),), name="constant"
+    )
     for words, own, options in (
         ("order 3", program, {"order": 2}),
         ("of its own", program, {"duration": 5.0}),

@@ -1,4 +1,6 @@
-"""Runs that start or end at a speed: against closed forms on one axis, at both orders, and what cannot be."""
+"""Runs that start or end at a speed: against closed forms on one axis, at both orders, and what
+cannot be.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +11,16 @@ from planner import Infeasible, Trajectory
 from planner.certificate import prove
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import Run, Task, at_speeds, certified_solve, make_grid, pose_problem, second_order, solve_run
+from planner.timing import (
+    Run,
+    Task,
+    at_speeds,
+    certified_solve,
+    make_grid,
+    pose_problem,
+    second_order,
+    solve_run,
+)
 
 SPEED, ACCELERATION, JERK = 1.0, 2.0, 20.0
 
@@ -19,13 +30,18 @@ def line(length):
 
 
 def limits_on(path, order):
-    axes = [Axis(name, max_speed=SPEED, max_acceleration=ACCELERATION, max_jerk=JERK) for name in path.names]
+    axes = [
+        Axis(name, max_speed=SPEED, max_acceleration=ACCELERATION, max_jerk=JERK)
+        for name in path.names
+    ]
     return limits_of(path, axes, order)
 
 
 @pytest.fixture(params=["straight", "general"])
 def way(request):
-    """By the closed form, and by the general solvers: these where a second axis bends, by which no limit binds."""
+    """By the closed form, and by the general solvers: these where a second axis bends, by which no
+    limit binds.
+    """
     return request.param
 
 
@@ -33,15 +49,21 @@ def draw(way, length):
     """x = s, and y = s²/1000 for the general solvers: x alone decides how long it takes."""
     if way == "straight":
         return line(length)
-    return PolynomialPath([0.0, length], np.array([[[0.0, 1e-3]], [[1.0, 0.0]], [[0.0, 0.0]]]), ["x", "y"])
+    return PolynomialPath(
+        [0.0, length], np.array([[[0.0, 1e-3]], [[1.0, 0.0]], [[0.0, 0.0]]]), ["x", "y"]
+    )
 
 
 def solved(path, start, end, order, last=0):
-    return solve_run(Task(path, limits_on(path, order), Run(0, last, at_speeds(start, end)), order)).require_profile()
+    return solve_run(
+        Task(path, limits_on(path, order), Run(0, last, at_speeds(start, end)), order)
+    ).require_profile()
 
 
 def ramp(change, order):
-    """Time to change speed by so much: s̈ at its limit, under jerk limits from 0 to 0 (A²/J is passed)."""
+    """Time to change speed by so much: s̈ at its limit, under jerk limits from 0 to 0 (A²/J is
+    passed).
+    """
     return change / ACCELERATION + (ACCELERATION / JERK if order == 3 and change > 0 else 0.0)
 
 
@@ -54,9 +76,13 @@ def least_time(length, start, end, order):
 
 
 @pytest.mark.parametrize("order", [2, 3])
-@pytest.mark.parametrize(("start", "end"), [(1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.5, 0.2), (0.0, 0.3)])
+@pytest.mark.parametrize(
+    ("start", "end"), [(1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.5, 0.2), (0.0, 0.3)]
+)
 def test_one_axis(start, end, order, way):
-    """A corner within an interval costs a part of it, as from rest to rest (1e-5 at order 2, 1e-3 at order 3)."""
+    """A corner within an interval costs a part of it, as from rest to rest (1e-5 at order 2, 1e-3
+    at order 3).
+    """
     profile = solved(draw(way, 1.5), start, end, order)
     time = least_time(1.5, start, end, order)
     slack = 1e-9 if way == "straight" else 2e-5 if order == 2 else 1e-3
@@ -80,9 +106,11 @@ def test_both_ends_below_and_between(order, way):
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_runs_joined_at_a_speed_are_as_fast_as_one(order):
-    """A spline cut at a knot: with the speed that the whole motion has there, order 2 loses nothing.
+    """A spline cut at a knot: with the speed that the whole motion has there, order 2 loses
+    nothing.
 
-    Under jerk limits s̈ = 0 is asked at the cut, which costs speed and time; every limit is kept all the same.
+    Under jerk limits s̈ = 0 is asked at the cut, which costs speed and time; every limit is kept
+    all the same.
     """
     points = np.array([[0.0, 0.0], [0.4, 0.1], [0.7, 0.5], [1.2, 0.4], [1.5, 0.0]])
     spline = CubicSpline(np.arange(5.0), points, bc_type="natural")
@@ -98,8 +126,13 @@ def test_runs_joined_at_a_speed_are_as_fast_as_one(order):
     ]
     together = sum(part.duration for part in parts)
     # other grids on both sides of the cut: an interval's share of each switch, as on one axis
-    assert whole.duration * (1 - 5e-4) <= together <= whole.duration * (1.0005 if order == 2 else 1.1)
-    columns = [np.concatenate([getattr(part, name) for part in parts]) for name in ("s", "v", "a", "j", "h", "piece")]
+    assert (
+        whole.duration * (1 - 5e-4) <= together <= whole.duration * (1.0005 if order == 2 else 1.1)
+    )
+    columns = [
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("s", "v", "a", "j", "h", "piece")
+    ]
     trajectory = Trajectory(path, np.append(0.0, np.cumsum(columns[4])), *columns[:4], columns[5])
     use, _ = prove(trajectory, limits, order)
     # first attempts, not tightened: what lies between grid points
@@ -109,7 +142,9 @@ def test_runs_joined_at_a_speed_are_as_fast_as_one(order):
 @pytest.mark.parametrize("order", [2, 3])
 @pytest.mark.parametrize(("start", "end"), [(0.9, 0.0), (0.0, 0.9), (0.9, 0.1), (0.05, 0.9)])
 def test_too_fast_for_the_way_to_the_other_end(start, end, order, way):
-    """From v to w the way is (v + w)/2 times the ramp's time: the largest v is told (under jerk to 1e-3), and works."""
+    """From v to w the way is (v + w)/2 times the ramp's time: the largest v is told (under jerk to
+    1e-3), and works.
+    """
     length, slow = 0.1, min(start, end)
     with pytest.raises(Infeasible) as refused:
         solved(draw(way, length), start, end, order)
@@ -121,8 +156,14 @@ def test_too_fast_for_the_way_to_the_other_end(start, end, order, way):
     assert (no.kind, no.axis) == ("start speed" if start > end else "end speed", "path")
     assert no.place.s == (0.0 if start > end else length)
     assert no.value == max(start, end)
-    assert no.limit == pytest.approx(largest, rel=1e-9 if way == "straight" else 1e-6 if order == 2 else 2e-3)
-    solved(draw(way, length), *(no.limit * 0.9999 if v == max(start, end) else v for v in (start, end)), order)
+    assert no.limit == pytest.approx(
+        largest, rel=1e-9 if way == "straight" else 1e-6 if order == 2 else 2e-3
+    )
+    solved(
+        draw(way, length),
+        *(no.limit * 0.9999 if v == max(start, end) else v for v in (start, end)),
+        order,
+    )
 
 
 @pytest.mark.parametrize("order", [2, 3])
@@ -133,11 +174,15 @@ def test_beyond_the_speed_limit(order, way):
 
 
 def test_a_solver_returns_what_it_came_to_and_raises_nothing():
-    """Too fast for its own limit of speed, and for the way; who needs a motion all the same is refused."""
+    """Too fast for its own limit of speed, and for the way; who needs a motion all the same is
+    refused.
+    """
     path = line(1.5)
     for speed in (1.2, 50.0):
         found = second_order(
-            pose_problem(path, limits_on(path, 2), *make_grid(path, Run(0, 0), 300), at_speeds(0.0, speed))
+            pose_problem(
+                path, limits_on(path, 2), *make_grid(path, Run(0, 0), 300), at_speeds(0.0, speed)
+            )
         )
         assert (found.status, found.solved, found.duration) == ("too fast", False, 0.0)
         assert found.refusal.largest < speed
@@ -147,23 +192,32 @@ def test_a_solver_returns_what_it_came_to_and_raises_nothing():
 
 @pytest.mark.parametrize(("start", "end"), [(0.3, 0.0), (0.0, 0.5), (0.5, 0.4)])
 def test_toppra_agrees(start, end):
-    spline = CubicSpline(np.arange(4.0), [[0.0, 0.0], [0.5, 0.3], [1.0, -0.2], [1.5, 0.1]], bc_type="natural")
+    spline = CubicSpline(
+        np.arange(4.0), [[0.0, 0.0], [0.5, 0.3], [1.0, -0.2], [1.5, 0.1]], bc_type="natural"
+    )
     path = PolynomialPath(spline.x, spline.c, ["x", "y"])
-    problem = pose_problem(path, limits_on(path, 2), *make_grid(path, Run(0, 2), 300), at_speeds(start, end))
+    problem = pose_problem(
+        path, limits_on(path, 2), *make_grid(path, Run(0, 2), 300), at_speeds(start, end)
+    )
     ours, toppra = second_order(problem), second_order(problem, solver="toppra")
     assert ours.duration == pytest.approx(toppra.duration, rel=1e-5)
     assert toppra.profile.v[0] == start
 
 
-CLAMPED, CUBIC, CUBIC_BACK = [6.0, -15.0, 10.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [1.0, -3.0, 3.0, 0.0]
+CLAMPED, CUBIC, CUBIC_BACK = (
+    [6.0, -15.0, 10.0, 0.0, 0.0, 0.0],
+    [1.0, 0.0, 0.0, 0.0],
+    [1.0, -3.0, 3.0, 0.0],
+)
 
 
 @pytest.mark.parametrize(
     ("q", "passed"), [(CLAMPED, (True, True)), (CUBIC, (True, False)), (CUBIC_BACK, (False, True))]
 )
 def test_from_rest_where_two_derivatives_are_nothing(q, passed):
-    """10 s³ − 15 s⁴ + 6 s⁵, s³ and 1 − (1 − s)³ go from 0 to 1: one axis, in its least time. Where q′ = q″ = 0 it rests
-    whatever ṡ is, and the motion begins or ends with ṡ > 0.
+    """10 s³ − 15 s⁴ + 6 s⁵, s³ and 1 − (1 − s)³ go from 0 to 1: one axis, in its least time.
+
+    Where q′ = q″ = 0 it rests whatever ṡ is, and the motion begins or ends with ṡ > 0.
     """
     path = PolynomialPath([0.0, 1.0], np.array(q)[:, None, None], ["x"])
     found = certified_solve(path, limits_on(path, 3), 3)

@@ -1,4 +1,6 @@
-"""Blends and segments from far below a pulse to ordinary ones: always a certified answer, no slower than stopping."""
+"""Blends and segments from far below a pulse to ordinary ones: always a certified answer, no slower
+than stopping.
+"""
 
 from dataclasses import replace
 
@@ -35,7 +37,9 @@ START = RigidTransform.from_translation([0.0, 0.0, 0.025])
 
 
 def corner(tolerance):
-    return Program((Line([0.01, 0, 0.025], join=Blend(tolerance)), Line([0.01, 0.01, 0.025])), start=START)
+    return Program(
+        (Line([0.01, 0, 0.025], join=Blend(tolerance)), Line([0.01, 0.01, 0.025])), start=START
+    )
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +49,9 @@ def stopping(hexapod):
 
 @pytest.mark.parametrize("tolerance", [1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4])
 def test_a_corner_with_any_blend_is_as_fast_as_with_a_stop(hexapod, stopping, tolerance):
-    """To pass at all costs less the larger the blend is: what a small one gains is lost in the grid's 1e-3."""
+    """To pass at all costs less the larger the blend is: what a small one gains is lost in the
+    grid's 1e-3.
+    """
     made = plan(corner(tolerance), hexapod, order=3)
     assert made.certificate.holds
     assert made.trajectory.duration < stopping * (1 + 1e-3)
@@ -63,7 +69,10 @@ def test_a_blend_too_small_to_compute_with_is_a_stop_that_is_told(hexapod, toler
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_equal_lines_whose_blends_take_half_of_each(hexapod, order):
-    """As CAM writes them: 0.4 mm each, and turns that a blend of 0.02 mm would cut farther. Rounding leaves no line."""
+    """As CAM writes them: 0.4 mm each, and turns that a blend of 0.02 mm would cut farther.
+
+    Rounding leaves no line.
+    """
     turns = np.cumsum(np.tile([1.2, -1.2], 6))
     steps = 4e-4 * np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
     ends = START.translation + np.cumsum(steps, axis=0)
@@ -74,10 +83,15 @@ def test_equal_lines_whose_blends_take_half_of_each(hexapod, order):
     assert path.breaks[-1] == pytest.approx(12 * 4e-4, rel=1e-12)
     made = plan(program, hexapod, order=order)
     assert made.certificate.holds
-    assert made.trajectory.duration < 0.9 * plan(stop_everywhere(program), hexapod, order=order).trajectory.duration
+    assert (
+        made.trajectory.duration
+        < 0.9 * plan(stop_everywhere(program), hexapod, order=order).trajectory.duration
+    )
 
 
-@pytest.mark.parametrize(("machine", "order", "seed"), [("linkage", 2, 3), ("linkage", 3, 24), ("hexapod", 3, 27)])
+@pytest.mark.parametrize(
+    ("machine", "order", "seed"), [("linkage", 2, 3), ("linkage", 3, 24), ("hexapod", 3, 27)]
+)
 def test_random_programs_are_answered(machine, order, seed):
     """A small part of the case `robustness` of the evidence, kind programs."""
     fault, methods = plan_program(random_program(seed, machine), load_machine(machine), order)
@@ -85,8 +99,12 @@ def test_random_programs_are_answered(machine, order, seed):
     assert methods
 
 
-def test_without_an_answer_for_the_whole_it_rests_where_it_is_slowest(hexapod, stopping, monkeypatch):
-    """Solvers that fail on the whole: two legs, about as fast as a stop at the corner; 3 % are for the curve to it."""
+def test_without_an_answer_for_the_whole_it_rests_where_it_is_slowest(
+    hexapod, stopping, monkeypatch
+):
+    """Solvers that fail on the whole: two legs, about as fast as a stop at the corner; 3 % are for
+    the curve to it.
+    """
     calls = []
 
     def short_ones(problem, guess, **options):
@@ -107,7 +125,9 @@ def test_without_an_answer_for_the_whole_it_rests_where_it_is_slowest(hexapod, s
 
 @pytest.mark.parametrize("held", [0.0, 0.9, 0.9999])
 def test_less_room_leaves_room_to_hold_still(held):
-    """What an excess is taken off is the part that moves: its share of the room falls, what holds still has its own."""
+    """What an excess is taken off is the part that moves: its share of the room falls, what holds
+    still has its own.
+    """
     one, pushed = np.full((3, 1), held), np.full((3, 1), 1.0)
     block = Block("force", *[{Term.ONE: one, Term.SDD: pushed}] * 2, np.ones(3), np.zeros(1))
     excess = np.array([1.0, 1.0 + 0.5 * (1 - held), 3.0])
@@ -124,7 +144,9 @@ def test_less_room_leaves_room_to_hold_still(held):
 def test_ramps_past_slow_breaks_meet_there_at_the_speeds_given(hexapod):
     """Each from break to break with s̈ = 0 at both, going on where the one before it ends."""
     path = actuate(corner(1e-6), hexapod)
-    coarse = coarse_jerk_problem(path, limits_of(path, hexapod.axes, 3), Run(0, len(path.breaks) - 2))
+    coarse = coarse_jerk_problem(
+        path, limits_of(path, hexapod.axes, 3), Run(0, len(path.breaks) - 2)
+    )
     at = np.searchsorted(coarse.s, path.breaks[[0, 2, 4]])
     motion = pass_breaks(coarse, at, np.array([0.0, 1e-3, 0.0]))
     assert motion is not None
@@ -138,7 +160,9 @@ def test_ramps_past_slow_breaks_meet_there_at_the_speeds_given(hexapod):
 
 @pytest.mark.parametrize("first", [1e-4, 1e-3, 2.5e-3, 2.75e-3, 1e-2])
 def test_a_start_at_speed_slows_down_by_the_jerk_as_far_as_there_is_way(first):
-    """Ramps from v down take up to √(32/27) v √(v/J) = 2.94 mm, that to v/3: in less, slow breaks are passed faster."""
+    """Ramps from v down take up to √(32/27) v √(v/J) = 2.94 mm, that to v/3: in less, slow breaks
+    are passed faster.
+    """
     jerk, speed = 100.0, 0.09
     sizes = [first, 2e-5, 3e-4, 2e-5, 1e-2]
     piece = np.repeat(np.arange(5), 20)
@@ -156,7 +180,9 @@ def test_a_start_at_speed_slows_down_by_the_jerk_as_far_as_there_is_way(first):
     ends = EndCondition(speed=speed), EndCondition()
     problem = Problem(s, piece, tuple(blocks), ends)
     breaks = s[::20]
-    steady = Profile(s[:-1], np.full(100, speed), np.zeros(100), np.zeros(100), np.diff(s) / speed, piece)
+    steady = Profile(
+        s[:-1], np.full(100, speed), np.zeros(100), np.zeros(100), np.diff(s) / speed, piece
+    )
     slow, speeds = slow_breaks(problem, steady, breaks)
     assert list(slow) == [1, 2, 3, 4]
     assert pass_breaks(problem, np.array([0, 20, 40, 60, 80, 100]), speeds) is not None
@@ -170,7 +196,9 @@ def test_a_start_at_speed_slows_down_by_the_jerk_as_far_as_there_is_way(first):
 
 
 def test_intervals_lie_where_they_gain_time(hexapod):
-    """The circle is faster on a grid that follows what a rough answer loses than on as many graded for the start."""
+    """The circle is faster on a grid that follows what a rough answer loses than on as many graded
+    for the start.
+    """
     path = actuate(load_program("bare-circle"), hexapod)
     limits = limits_of(path, hexapod.axes, 3)
     graded, start = require(jerk_problem(path, limits, Run(0, 0)))

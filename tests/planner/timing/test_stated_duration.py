@@ -21,12 +21,21 @@ from tests.planner.timing.smoothest_by_ipopt import smooth_by_ipopt
 
 def straight(length, duration, speed=1e3, acceleration=1e3, jerk=1e4, order=3):
     path = PolynomialPath([0.0, length], np.array([[[1.0]], [[0.0]]]), ["x"])
-    axes = [Axis("x", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk if order == 3 else None)]
+    axes = [
+        Axis(
+            "x",
+            max_speed=speed,
+            max_acceleration=acceleration,
+            max_jerk=jerk if order == 3 else None,
+        )
+    ]
     return solve_stated(certified_solve(path, limits_of(path, axes, order), order), axes, duration)
 
 
 def roughness(trajectory):
-    """∫ Σ q⃛² dt by Simpson's rule on every time piece: exact for straight moves, whose jerk is constant there."""
+    """∫ Σ q⃛² dt by Simpson's rule on every time piece: exact for straight moves, whose jerk is
+    constant there.
+    """
     k, h = np.arange(len(trajectory.s)), np.diff(trajectory.knots)
     at = [(trajectory.within(k, share * h).qddd ** 2).sum(1) for share in (0, 0.5, 1)]
     return float((h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
@@ -70,7 +79,9 @@ def test_where_no_limit_binds_it_is_the_quintic(length, duration, order):
 
 
 def test_under_a_speed_limit_it_cruises_and_is_rougher():
-    """Half way between the quintic's largest speed, 1.875 L/T, and the least that is possible, L/T."""
+    """Half way between the quintic's largest speed, 1.875 L/T, and the least that is possible,
+    L/T.
+    """
     found = straight(1.0, 2.0, speed=0.7)
     assert found.certificate.holds
     assert found.methods == ("smoothest",)
@@ -92,15 +103,22 @@ def cost_of(problem, jerks, profile):
 @pytest.mark.parametrize("order", [2, 3])
 @pytest.mark.parametrize(("seed", "share"), [(1, 1.05), (4, 1.05), (7, 1.5)])
 def test_it_finds_what_fatrop_finds(monkeypatch, seed, share, order):
-    """The same duration, and no more jerk than by a solver of others: 1e-6 is what their tolerances leave."""
+    """The same duration, and no more jerk than by a solver of others: 1e-6 is what their tolerances
+    leave.
+    """
     rng = np.random.default_rng(seed)
     curve = CubicSpline(np.arange(6.0), rng.uniform(-1, 1, (6, 3)))
     path = PolynomialPath(curve.x, curve.c, ["x", "y", "z"])
-    axes = [Axis(name, max_speed=1.0, max_acceleration=3.0, max_jerk=30.0 if order == 3 else None) for name in "xyz"]
+    axes = [
+        Axis(name, max_speed=1.0, max_acceleration=3.0, max_jerk=30.0 if order == 3 else None)
+        for name in "xyz"
+    ]
     limits = limits_of(path, axes, order)
     posed = []
     solve = stated_duration.solve_smoothest
-    monkeypatch.setattr(stated_duration, "solve_smoothest", lambda *given: posed.append(given) or solve(*given))
+    monkeypatch.setattr(
+        stated_duration, "solve_smoothest", lambda *given: posed.append(given) or solve(*given)
+    )
     fastest = certified_solve(path, limits, order)
     found = solve_stated(fastest, axes, share * fastest.trajectory.duration)
     assert found.certificate.holds
@@ -114,7 +132,9 @@ def test_it_finds_what_fatrop_finds(monkeypatch, seed, share, order):
 
 
 @pytest.mark.parametrize("share", [1.01, 1.2, 3.0])
-def test_the_circle_takes_as_long_as_stated_and_is_smoother_than_the_fastest_slowed(planned, share, hexapod):
+def test_the_circle_takes_as_long_as_stated_and_is_smoother_than_the_fastest_slowed(
+    planned, share, hexapod
+):
     best = planned("bare-circle", 3)
     duration = share * best.trajectory.duration
     made = plan(load_program("bare-circle"), hexapod, duration=duration)
@@ -123,20 +143,25 @@ def test_the_circle_takes_as_long_as_stated_and_is_smoother_than_the_fastest_slo
     assert made.methods == ("smoothest",)
     t = np.linspace(0, 1, 20001)
     cost, slowed = (
-        np.trapezoid((one.trajectory.at(t * one.trajectory.duration).qddd ** 2).sum(1), t) for one in (made, best)
+        np.trapezoid((one.trajectory.at(t * one.trajectory.duration).qddd ** 2).sum(1), t)
+        for one in (made, best)
     )
     assert cost < 0.99 * slowed / share**6  # the same motion slower has jerks share³ times as small
 
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_longer_the_smoother(order, hexapod):
-    """A half turn, a short blend, a line: on the blend, the motion without limits is far outside them until × 2.
+    """A half turn, a short blend, a line: on the blend, the motion without limits is far outside
+    them until × 2.
 
-    Compressed in time by k, a motion has k⁵ times its ∫ q⃛² dt and uses kᵐ times as much of a limit with 1/tᵐ. Where
-    that is within the limits, the smoothest of the shorter duration is no rougher.
+    Compressed in time by k, a motion has k⁵ times its ∫ q⃛² dt and uses kᵐ times as much of a limit
+    with 1/tᵐ. Where that is within the limits, the smoothest of the shorter duration is no rougher.
     """
     arc = Arc(np.array([0, 0, 0.025]), np.array([0, 0, 1.0]), np.pi, rise=3e-3, join=Blend(1e-4))
-    program = Program((arc, Line(np.array([0, 0, 0.028]))), start=RigidTransform.from_translation([0.015, 0, 0.025]))
+    program = Program(
+        (arc, Line(np.array([0, 0, 0.028]))),
+        start=RigidTransform.from_translation([0.015, 0, 0.025]),
+    )
     shortest = plan(program, hexapod, order=order).trajectory.duration
     shares = (1.05, 1.5, 2.0, 3.0)
     made = [plan(program, hexapod, order=order, duration=share * shortest) for share in shares]
@@ -144,7 +169,9 @@ def test_the_longer_the_smoother(order, hexapod):
     assert {method for one in made for method in one.methods} == {"smoothest"}
     rough = [roughness(one.trajectory) for one in made]
     compared = 0
-    for k, (shorter, longer) in zip(np.divide(shares[1:], shares[:-1]), pairwise(range(len(shares))), strict=True):
+    for k, (shorter, longer) in zip(
+        np.divide(shares[1:], shares[:-1]), pairwise(range(len(shares))), strict=True
+    ):
         assert rough[longer] < rough[shorter]
         worst = made[longer].certificate.worst
         if max(worst["speed"] * k, worst["acceleration"] * k**2, worst.get("jerk", 0.0) * k**3) < 1:
@@ -173,7 +200,9 @@ def test_runs_and_rests(hexapod):
 
 def test_less_than_the_shortest_is_refused_and_named(planned, hexapod):
     shortest = planned("bare-circle", 2).trajectory.duration
-    with pytest.raises(Infeasible, match=r"the fastest motion found within the limits takes 1\.20") as told:
+    with pytest.raises(
+        Infeasible, match=r"the fastest motion found within the limits takes 1\.20"
+    ) as told:
         plan(load_program("bare-circle"), hexapod, order=2, duration=0.99 * shortest)
     assert told.value.limit == pytest.approx(shortest, abs=1e-6)
     made = plan(load_program("bare-circle"), hexapod, order=2, duration=told.value.limit)
@@ -185,7 +214,9 @@ def test_less_than_the_shortest_is_refused_and_named(planned, hexapod):
 
 def test_a_program_file_states_it(tmp_path):
     file = tmp_path / "slow.toml"
-    file.write_text('schema = 1\nduration = "1.5 min"\n[[segment]]\nline = { to = ["0 mm", "0 mm", "5 mm"] }\n')
+    file.write_text(
+        'schema = 1\nduration = "1.5 min"\n[[segment]]\nline = { to = ["0 mm", "0 mm", "5 mm"] }\n'
+    )
     assert load_program(str(file)).duration == 90.0
     file.write_text(file.read_text().replace("1.5 min", "-1 s"))
     with pytest.raises(MotionError, match="duration"):
@@ -197,7 +228,12 @@ LINE = PolynomialPath([0.0, LENGTH], np.array([[[1.0]], [[0.0]]]), ["x"])
 
 
 def stepper(duration, order=3):
-    stated = {"max_speed": 0.02, "max_acceleration": 0.225, "resonance": (BAND,), "resonance_time": IN_TIME}
+    stated = {
+        "max_speed": 0.02,
+        "max_acceleration": 0.225,
+        "resonance": (BAND,),
+        "resonance_time": IN_TIME,
+    }
     axes = [Axis("x", max_jerk=4.0 if order == 3 else None, **stated)]
     return solve_stated(certified_solve(LINE, limits_of(LINE, axes, order), order), axes, duration)
 
@@ -205,7 +241,9 @@ def stepper(duration, order=3):
 @pytest.mark.parametrize("order", [2, 3])
 @pytest.mark.parametrize("duration", [3.0, 9.0, 12.4, 17.5, 25.0, 40.0])
 def test_a_resonance_band_is_crossed_in_time_or_not_at_all(order, duration):
-    """Above the band until L/high = 12.5 s, below it from L/low = 16.7 s on: the average is between its two edges."""
+    """Above the band until L/high = 12.5 s, below it from L/low = 16.7 s on: the average is between
+    its two edges.
+    """
     found = stepper(duration, order)
     assert found.certificate.holds
     assert found.trajectory.duration == pytest.approx(duration, rel=1e-9)
@@ -223,7 +261,12 @@ def test_a_resonance_band_is_crossed_in_time_or_not_at_all(order, duration):
 def test_an_axis_at_rest_does_not_keep_another_from_its_band(order):
     """The second axis does not move at all. The first takes as long as it does alone."""
     path = PolynomialPath([0.0, LENGTH], np.array([[[1.0, 0.0]], [[0.0, 0.0]]]), ["x", "y"])
-    stated = {"max_speed": 0.02, "max_acceleration": 0.225, "resonance": (BAND,), "resonance_time": IN_TIME}
+    stated = {
+        "max_speed": 0.02,
+        "max_acceleration": 0.225,
+        "resonance": (BAND,),
+        "resonance_time": IN_TIME,
+    }
     axes = [Axis(name, max_jerk=4.0 if order == 3 else None, **stated) for name in path.names]
     found = solve_stated(certified_solve(path, limits_of(path, axes, order), order), axes, 9.0)
     assert found.certificate.holds
@@ -234,7 +277,9 @@ def test_an_axis_at_rest_does_not_keep_another_from_its_band(order):
 @pytest.mark.parametrize("order", [2, 3])
 def test_a_duration_whose_average_speed_is_in_the_band_is_refused_with_one_that_is_not(order):
     """16 s: 3.1 mm/s on average. The stated remedy succeeds."""
-    with pytest.raises(Infeasible, match=r"crosses the band from 3 to 4 mm/s in time: state one 1\.\d+ times") as told:
+    with pytest.raises(
+        Infeasible, match=r"crosses the band from 3 to 4 mm/s in time: state one 1\.\d+ times"
+    ) as told:
         stepper(16.0, order)
     assert told.value.limit == IN_TIME
     assert told.value.value > IN_TIME
@@ -244,10 +289,14 @@ def test_a_duration_whose_average_speed_is_in_the_band_is_refused_with_one_that_
 
 
 def test_of_many_axes_each_crosses_its_bands_in_time(hexapod):
-    """The legs on a circle come to a rest and go back, each at another place: they stay below, or go through fast."""
+    """The legs on a circle come to a rest and go back, each at another place: they stay below, or
+    go through fast.
+    """
     bands = {"resonance": ((2e-3, 2.5e-3),), "resonance_time": 0.2}
     axes = [replace(axis, **bands) for axis in hexapod.axes]
-    machine = Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=np.deg2rad(35))
+    machine = Hexapod(
+        hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=np.deg2rad(35)
+    )
     program = Program([Line([0.01, 0, 0.02])], start=RigidTransform.from_translation([0, 0, 0.02]))
     shortest = plan(program, machine, order=2).trajectory.duration
     for duration in (1.3 * shortest, 8.0):

@@ -8,7 +8,8 @@ from pulsepath.store.verify import prove_motion
 
 @pytest.fixture(autouse=True)
 def shared_proof(monkeypatch, request):
-    """The motion of the shared plan is proved once, when it is made: that a command does so too has tests of its own.
+    """The motion of the shared plan is proved once, when it is made: that a command does so too has
+    tests of its own.
 
     They are those of pulsepath.store.verify.
     """
@@ -17,7 +18,9 @@ def shared_proof(monkeypatch, request):
         plan = request.getfixturevalue("job").plan
         shared = plan.trajectory
         names = ("knots", "s", "v", "a", "j", "piece")
-        same = all(np.array_equal(getattr(trajectory, name), getattr(shared, name)) for name in names)
+        same = all(
+            np.array_equal(getattr(trajectory, name), getattr(shared, name)) for name in names
+        )
         return (plan.certificate, plan.shaped) if same else prove_motion(trajectory, limits, axes)
 
     monkeypatch.setattr("pulsepath.store.read.prove_motion", prove)

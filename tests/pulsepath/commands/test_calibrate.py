@@ -12,7 +12,14 @@ from pulsepath.output.calibration_directory import write
 from tests.browser import act_in, needs_browser
 from tests.kinematics.calibration.drawn_hexapod import NOISE, add_noise, draw, draw_commands
 
-FILES = {"calibration.json", "figures", "machine.toml", "measurements.toml", "nominal.toml", "report.html"}
+FILES = {
+    "calibration.json",
+    "figures",
+    "machine.toml",
+    "measurements.toml",
+    "nominal.toml",
+    "report.html",
+}
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +28,9 @@ def drawn(tmp_path_factory):
     random = np.random.default_rng(0)
     machine, commanded = draw(load_machine("hexapod"), random), draw_commands(random, 12)
     measured = add_noise(machine.poses(commanded), random)
-    lines = [f'[noise]\nposition = "{1e6 * NOISE.position!r} um"\nrotation = "{1e6 * NOISE.rotation!r} urad"']
+    lines = [
+        f'[noise]\nposition = "{1e6 * NOISE.position!r} um"\nrotation = "{1e6 * NOISE.rotation!r} urad"'
+    ]
     for k in range(12):
         lines.append("[[pose]]")
         for key, pose in (("commanded", commanded[k]), ("measured", measured[k])):
@@ -77,7 +86,8 @@ def test_on_a_phone_nothing_is_cut_off(folder, tmp_path):
     page = tmp_path / "report.html"
     text = (folder / "report.html").read_text(encoding="utf-8")
     page.write_text(
-        text.replace("default-src 'none'", "default-src 'none'; script-src 'unsafe-inline'"), encoding="utf-8"
+        text.replace("default-src 'none'", "default-src 'none'; script-src 'unsafe-inline'"),
+        encoding="utf-8",
     )
     seen, _ = act_in(tmp_path, page, script, "500,844")
     narrow, boxes, *cut = seen
@@ -92,13 +102,22 @@ def test_the_report_says_what_was_found_and_loads_nothing(folder):
     assert not re.search(r"https?:|//\w|@import|url\(", page)
     assert not re.search(r"<(script|link|iframe|object|base)\b", page)
     # directions of the z axis were not fitted, so there is no such error of theirs
-    _, position, axis = [of.partition("</thead>")[0] for of in page.split("<caption>Errors of the ")]
+    _, position, axis = [
+        of.partition("</thead>")[0] for of in page.split("<caption>Errors of the ")
+    ]
     stages = re.compile(r'colspan="\d" class="n">([\w-]+)</th>')
     assert stages.findall(position) == ["before", "after", "leave-one-out"]
     assert stages.findall(axis) == ["before", "after"]
     assert 'class="n">axis u</th>' in axis
     assert text.count("<img src=") == len(list((folder / "figures").iterdir())) == 3
-    for told in ("183.1 → 13.3 µm", "15.8 µm", "0.762 µm (half step", "1.78 % more", "is not explained", "Nahvi"):
+    for told in (
+        "183.1 → 13.3 µm",
+        "15.8 µm",
+        "0.762 µm (half step",
+        "1.78 % more",
+        "is not explained",
+        "Nahvi",
+    ):
         assert told in page
     # the machine's place on this disk is nobody's business
     assert str(folder.parent) not in page + (folder / "machine.toml").read_text()
@@ -106,12 +125,15 @@ def test_the_report_says_what_was_found_and_loads_nothing(folder):
 
 def test_a_whole_calibration_is_read_back(call, tmp_path, drawn):
     machine, path = drawn
-    done = call("calibrate", "hexapod", path, "--model", "factors, offsets,joints", "--out", tmp_path / "o")
+    done = call(
+        "calibrate", "hexapod", path, "--model", "factors, offsets,joints", "--out", tmp_path / "o"
+    )
     assert done.exit_code == 0
     assert "48 of 48 combinations" in done.stdout
     assert f"machine: {tmp_path / 'o' / 'machine.toml'}" in done.stdout
     found = load_machine(tmp_path / "o" / "machine.toml")
-    # 72 values for 48 parameters in a small range: joints to a part of their errors, and lengths to what is printed
+    # 72 values for 48 parameters in a small range: joints to a part of their errors, and lengths to
+    # what is printed
     assert np.abs(found.base - machine.built.base).max() < 2e-3
     sent = np.array([axis.pulse for axis in found.axes]) / 0.75e-6
     np.testing.assert_allclose(sent, machine.factors, atol=5e-3)
@@ -127,7 +149,12 @@ def test_an_earlier_calibration_is_replaced_only_on_demand(call, tmp_path, folde
     assert refused.exit_code == 2
     assert "--force" in refused.stderr
     assert (out / "calibration.json").read_bytes() == before
-    assert call("calibrate", "hexapod", "cmm", "--model", "factor,frame", "--out", out, "--force").exit_code == 0
+    assert (
+        call(
+            "calibrate", "hexapod", "cmm", "--model", "factor,frame", "--out", out, "--force"
+        ).exit_code
+        == 0
+    )
     assert json.loads((out / "calibration.json").read_text())["model"] == ["factor", "frame"]
     # a plan is not a calibration, nor the other way round
     foreign = call("plan", "bare-circle", "--out", out, "--force")
@@ -136,7 +163,10 @@ def test_an_earlier_calibration_is_replaced_only_on_demand(call, tmp_path, folde
 
 
 BAD = {
-    "one pose for 48 parameters": (["--model", "factors,offsets,joints"], "3 values of 1 pose for 48 parameters"),
+    "one pose for 48 parameters": (
+        ["--model", "factors,offsets,joints"],
+        "3 values of 1 pose for 48 parameters",
+    ),
     "unknown part": (["--model", "factr"], 'nearest is "factor"'),
     "empty": (["--model", ""], "not part of a calibration model"),
 }
@@ -163,7 +193,9 @@ def test_bad_files_are_told_with_their_lines(call, tmp_path):
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(("count", "parts"), [(2, ("factors", "offsets")), (10, ("joints", "frame"))])
+@pytest.mark.parametrize(
+    ("count", "parts"), [(2, ("factors", "offsets")), (10, ("joints", "frame"))]
+)
 def test_what_leaves_nothing_to_say_is_reported_too(tmp_path, count, parts):
     """No error at all and no degree of freedom; and combinations that the data do not show."""
     used = draw_commands(np.random.default_rng(0), count)
@@ -184,7 +216,9 @@ def test_what_leaves_nothing_to_say_is_reported_too(tmp_path, count, parts):
 def test_what_the_machine_cannot_be_sent_to_is_bad_input(call, tmp_path):
     """m instead of mm; and poses that the machine holds, of which a check is only left out."""
     path = tmp_path / "metres.toml"
-    path.write_text('length = "m"\n' + "[[pose]]\ncommanded = [1, 2, 10, 0, 0, 0]\nmeasured = [1, 2, 10]\n" * 3)
+    path.write_text(
+        'length = "m"\n' + "[[pose]]\ncommanded = [1, 2, 10, 0, 0, 0]\nmeasured = [1, 2, 10]\n" * 3
+    )
     far = call("calibrate", "hexapod", path, "--out", tmp_path / "o")
     assert far.exit_code == 2
     for number, line in ((1, 2), (2, 5), (3, 8)):
@@ -193,7 +227,10 @@ def test_what_the_machine_cannot_be_sent_to_is_bad_input(call, tmp_path):
     assert held.exit_code == 2
     assert "pose 1 (6.2): machine linkage holds z" in held.stderr
     assert not (tmp_path / "o").exists()
-    assert call("calibrate", "tripod", "cmm", "--other-machine", "--out", tmp_path / "o").exit_code == 0
+    assert (
+        call("calibrate", "tripod", "cmm", "--other-machine", "--out", tmp_path / "o").exit_code
+        == 0
+    )
     (skipped,) = json.loads((tmp_path / "o" / "calibration.json").read_text())["skipped_checks"]
     assert skipped.startswith("rotation 1 (6.4): machine tripod holds ry")
     assert skipped in (tmp_path / "o" / "report.html").read_text()
@@ -215,7 +252,10 @@ def test_a_model_that_does_not_explain_the_data_is_told(tmp_path, drawn, call):
     machine, random = load_machine("hexapod"), np.random.default_rng(1)
     commanded = draw_commands(random, 12)
     measured = add_noise(commanded, random)
-    assert calibrate(machine, whole_poses(commanded, measured, noise=NOISE), ("factor",)).warnings == ()
+    assert (
+        calibrate(machine, whole_poses(commanded, measured, noise=NOISE), ("factor",)).warnings
+        == ()
+    )
 
 
 def test_one_cause_at_every_pose_is_told_once(tmp_path, drawn, call):
@@ -230,7 +270,9 @@ def test_one_cause_at_every_pose_is_told_once(tmp_path, drawn, call):
     assert len(json.loads(done.stdout)["error"]["faults"]) == 12
 
 
-@pytest.mark.parametrize("name", ["tripod", "hexapod-initial", "hexapod-rotary", "cartesian", "linkage"])
+@pytest.mark.parametrize(
+    "name", ["tripod", "hexapod-initial", "hexapod-rotary", "cartesian", "linkage"]
+)
 def test_measurements_of_another_machine_are_refused(call, tmp_path, name):
     refused = call("calibrate", name, "cmm", "--out", tmp_path / "o")
     assert refused.exit_code == 2

@@ -27,7 +27,9 @@ def runs(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def undrawn(monkeypatch):
     """Figures have tests of their own."""
-    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": Picture(b"none")})
+    monkeypatch.setattr(
+        "benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": Picture(b"none")}
+    )
 
 
 def test_saved_runs_are_compared_and_the_condition_decides_the_exit(tmp_path, runs, call):
@@ -42,7 +44,16 @@ def test_saved_runs_are_compared_and_the_condition_decides_the_exit(tmp_path, ru
     ratio = record["verdict"]["ratio"]
     assert 0.1 < ratio < 0.9
     for factor, code in ((0.9 * ratio, 1), (1.1 * ratio, 0)):
-        again = call("compare", "--from", runs, "--out", out, "--force", "--fail-if", f"contour_rms > {factor:.4f}x")
+        again = call(
+            "compare",
+            "--from",
+            runs,
+            "--out",
+            out,
+            "--force",
+            "--fail-if",
+            f"contour_rms > {factor:.4f}x",
+        )
         assert again.exit_code == code
         assert ("failed: contour_rms" in again.stderr) == bool(code)
 
@@ -51,7 +62,9 @@ def test_quiet_prints_the_path_alone_and_failures(tmp_path, runs, call):
     out = tmp_path / "out"
     done = call("compare", "-q", "--from", runs, "--out", out)
     assert (done.exit_code, done.stdout, done.stderr) == (0, f"{out / 'report.html'}\n", "")
-    failed = call("compare", "-q", "--from", runs, "--out", out, "--force", "--fail-if", "contour_rms < 1x")
+    failed = call(
+        "compare", "-q", "--from", runs, "--out", out, "--force", "--fail-if", "contour_rms < 1x"
+    )
     assert (failed.exit_code, failed.stdout) == (1, f"{out / 'report.html'}\n")
     assert failed.stderr.startswith("failed: contour_rms < 1x")
 
@@ -73,14 +86,29 @@ def test_figures_that_a_condition_may_name_are_listed(call):
 
 
 def test_runs_say_what_drives_they_are_of():
-    for name, kind, encoder in (("hexapod-steppers", "stepper", False), ("servo-rig", "servo", True)):
+    for name, kind, encoder in (
+        ("hexapod-steppers", "stepper", False),
+        ("servo-rig", "servo", True),
+    ):
         rig = load_rig(name)
         grid = Grid((read_setting("3"),), ())
-        assert set(map(str, described(grid, rig)["drives"].values())) == {str({"kind": kind, "encoder": encoder})}
+        assert set(map(str, described(grid, rig)["drives"].values())) == {
+            str({"kind": kind, "encoder": encoder})
+        }
 
 
 def test_the_rig_is_run_once_and_its_runs_stay(tmp_path, runs, call, monkeypatch):
-    arguments = ("compare", "servo-rig", "--law", "6r:gain=0.7", "--law", "6:gain=0.7", "--task", "line", "--json")
+    arguments = (
+        "compare",
+        "servo-rig",
+        "--law",
+        "6r:gain=0.7",
+        "--law",
+        "6:gain=0.7",
+        "--task",
+        "line",
+        "--json",
+    )
     out = tmp_path / "out"
     done = call(*arguments, "--out", out)
     assert done.exit_code == 0, done.stderr
@@ -147,9 +175,21 @@ def worsen(source, folder, factor, setting):
         hit = one.cell.setting == read_setting(setting)
         figures = {name: value * (factor if hit else 1.0) for name, value in one.figures.items()}
         series = source.series(key)
-        worse.keep(key, replace(one, figures={**one.figures, "contour_rms": figures["contour_rms"]}, series=series))
+        worse.keep(
+            key,
+            replace(
+                one, figures={**one.figures, "contour_rms": figures["contour_rms"]}, series=series
+            ),
+        )
         keys.append(key)
-    worse.record({name: value for name, value in source.record.items() if name not in ("cells", SEAL, DIGESTS)}, keys)
+    worse.record(
+        {
+            name: value
+            for name, value in source.record.items()
+            if name not in ("cells", SEAL, DIGESTS)
+        },
+        keys,
+    )
     return folder
 
 
@@ -164,7 +204,10 @@ def test_each_setting_is_guarded_by_its_own_saved_runs(tmp_path, runs, call):
     assert "closed-position gain 0.7 on line: contour_rms 1.2 times the saved" in told["failed"][0]
     ratios = {row["law"]: row["ratio"] for row in told["against_saved"]}
     assert ratios == pytest.approx({"closed-position": 1.2, "closed-position-repaired": 1.0})
-    assert json.loads((tmp_path / "out" / "compare.json").read_text())["against_saved"] == told["against_saved"]
+    assert (
+        json.loads((tmp_path / "out" / "compare.json").read_text())["against_saved"]
+        == told["against_saved"]
+    )
     assert "Against saved runs" in (tmp_path / "out" / "report.html").read_text()
     # the same two the other way round are better, and runs against themselves are as they were
     done = call("compare", "--from", runs, "--against", worse, *asked[2:], tmp_path / "better")
@@ -187,10 +230,15 @@ def test_a_baseline_alone_is_as_good_as_itself(tmp_path, runs, call):
     one = (read_setting("6:gain=0.7"),)
     sweep(Grid(one, ("line",), VARIATIONS[:2]), load_rig("servo-rig"), alone)
     for condition, code in (("contour_rms > 1.1x", 0), ("contour_rms > 0.9x", 1)):
-        done = call("compare", "--from", alone, "--fail-if", condition, "--out", tmp_path / f"out{code}")
+        done = call(
+            "compare", "--from", alone, "--fail-if", condition, "--out", tmp_path / f"out{code}"
+        )
         assert done.exit_code == code, done.stderr
     told = " ".join(done.stdout.split())
-    assert "closed-position gain 0.7 is stable in all of 2 runs. RMS contour error on the rig as stated: " in told
+    assert (
+        "closed-position gain 0.7 is stable in all of 2 runs. RMS contour error on the rig as stated: "
+        in told
+    )
     assert "Not run: feedforward, predictive." in told
     assert "pulsepath compare servo-rig --law closed-position:gain=0.7 --law ff --law mpc" in told
 

@@ -25,7 +25,12 @@ BEGUN = {
     "plan bare": {"bare-circle"},
     "plan circle --machine hex": {"hexapod", "hexapod-initial"},
     "plan circle --rule s": {"sampled"},
-    "track out --law op": {"open-velocity", "open-velocity-sleep", "open-position", "open-position-trapezoid"},
+    "track out --law op": {
+        "open-velocity",
+        "open-velocity-sleep",
+        "open-position",
+        "open-position-trapezoid",
+    },
     "export out --format v": {"vcd"},
     "import part --format ": set(SOURCES),
     "compare serv": {"servo-rig"},
@@ -40,12 +45,18 @@ def protocol(shell, line):
     """Environment in which a shell's script asks what completes a line."""
     words = ["pulsepath", *line.split(" ")]
     begun = words[-1] if shell == "fish" else str(len(words) - 1)
-    return {"_PULSEPATH_COMPLETE": f"{shell}_complete", "COMP_WORDS": " ".join(words), "COMP_CWORD": begun}
+    return {
+        "_PULSEPATH_COMPLETE": f"{shell}_complete",
+        "COMP_WORDS": " ".join(words),
+        "COMP_CWORD": begun,
+    }
 
 
 def asked(shell, line, command=("-m", "pulsepath")):
     environment = {**os.environ, **protocol(shell, line)}
-    return subprocess.run([sys.executable, *command], capture_output=True, text=True, env=environment, check=True)
+    return subprocess.run(
+        [sys.executable, *command], capture_output=True, text=True, env=environment, check=True
+    )
 
 
 @pytest.mark.parametrize("shell", SHELLS)
@@ -70,7 +81,11 @@ def test_the_script_in_bash(tmp_path):
     command = tmp_path / "pulsepath"
     command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pulsepath "$@"\n')
     command.chmod(0o755)
-    environment = {**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
+    environment = {
+        **os.environ,
+        "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT),
+    }
     script = """
         source <(pulsepath completion bash) || exit 1
         complete -p pulsepath
@@ -79,13 +94,20 @@ def test_the_script_in_bash(tmp_path):
         echo "${COMPREPLY[@]}"
     """
     done = subprocess.run(
-        [bash, "--norc", "-c", script], capture_output=True, text=True, env=environment, cwd=tmp_path, check=True
+        [bash, "--norc", "-c", script],
+        capture_output=True,
+        text=True,
+        env=environment,
+        cwd=tmp_path,
+        check=True,
     )
     assert "-F" in done.stdout.splitlines()[0]
     assert done.stdout.splitlines()[-1] == "bare-circle"
 
 
-@pytest.mark.parametrize(("shell", "registers"), [("zsh", "compdef"), ("fish", "complete --no-files")])
+@pytest.mark.parametrize(
+    ("shell", "registers"), [("zsh", "compdef"), ("fish", "complete --no-files")]
+)
 def test_the_scripts_of_other_shells(call, shell, registers):
     done = call("completion", shell)
     assert done.exit_code == 0
@@ -99,7 +121,9 @@ def test_an_unknown_shell_is_refused(call):
     assert "'bash', 'zsh', 'fish'" in done.stderr
 
 
-@pytest.mark.parametrize("line", ["export out --format ", "track out --law ", "plan circle --machine "])
+@pytest.mark.parametrize(
+    "line", ["export out --format ", "track out --law ", "plan circle --machine "]
+)
 def test_it_is_there_before_one_waits(line):
     def once():
         """s of CPU, which other work on the machine takes nothing from."""
@@ -116,6 +140,14 @@ def test_it_is_there_before_one_waits(line):
     )
     loaded = {*asked("bash", line, ("-c", report)).stderr.split()}
     assert "pulsepath.cli" in loaded
-    assert not loaded & {"numpy", "scipy", "casadi", "pydantic", "rich", "kinematics", "controllers"}
+    assert not loaded & {
+        "numpy",
+        "scipy",
+        "casadi",
+        "pydantic",
+        "rich",
+        "kinematics",
+        "controllers",
+    }
     # the fields of requests, which load nothing of the planner
     assert {name for name in loaded if name.startswith("planner")} <= {"planner", "planner.request"}

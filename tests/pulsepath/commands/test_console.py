@@ -1,4 +1,6 @@
-"""The command `console`: scripts, registers that survive, an operator at a terminal, interruptions."""
+"""The command `console`: scripts, registers that survive, an operator at a terminal,
+interruptions.
+"""
 
 import json
 import os
@@ -27,12 +29,24 @@ def state(tmp_path):
 
 
 def console(state, script, *options, machine="traverser"):
-    command = [sys.executable, "-m", "pulsepath", "console", "--machine", machine, "--state", str(state), *options]
+    command = [
+        sys.executable,
+        "-m",
+        "pulsepath",
+        "console",
+        "--machine",
+        machine,
+        "--state",
+        str(state),
+        *options,
+    ]
     return subprocess.run(command, input=script, capture_output=True, text=True, timeout=60)
 
 
 def wait_until_x_moves(port):
-    """Until X has left 0, as a remote line is told: it may ask in any mode, and ends no jog by it."""
+    """Until X has left 0, as a remote line is told: it may ask in any mode, and ends no jog by
+    it.
+    """
     end = time.monotonic() + 30
     with socket.create_connection(("127.0.0.1", port), timeout=30) as client:
         replies = client.makefile("rb")
@@ -46,9 +60,17 @@ def wait_until_x_moves(port):
 @pytest.mark.parametrize("home", ["/dev/null", "/proc/nothing"])
 def test_a_home_that_cannot_be_written_is_bad_input_with_a_way_out(home, state):
     """As of a service's user, or on a computer whose disk is read-only."""
-    environment = {key: value for key, value in os.environ.items() if key != "XDG_STATE_HOME"} | {"HOME": home}
+    environment = {key: value for key, value in os.environ.items() if key != "XDG_STATE_HOME"} | {
+        "HOME": home
+    }
     command = [sys.executable, "-m", "pulsepath", "console", "--machine", "traverser", "--fast"]
-    run = {"input": "WHERE\n", "capture_output": True, "text": True, "timeout": 60, "env": environment}
+    run = {
+        "input": "WHERE\n",
+        "capture_output": True,
+        "text": True,
+        "timeout": 60,
+        "env": environment,
+    }
     done = subprocess.run(command, check=False, **run)
     assert done.returncode == 2
     said = rf"error: {home}/\S+: position registers cannot be kept there: [\w ]+; "
@@ -60,11 +82,16 @@ def test_a_register_file_that_is_a_directory_is_bad_input_with_a_way_out(state):
     state.mkdir(parents=True)
     done = console(state, "WHERE\n")
     assert done.returncode == 2
-    assert done.stderr == f"error: {state}: Is a directory; give a file for the registers with --state FILE\n"
+    assert (
+        done.stderr
+        == f"error: {state}: Is a directory; give a file for the registers with --state FILE\n"
+    )
 
 
 def test_a_script_runs_line_by_line_and_the_registers_survive(state):
-    done = console(state, "HOME X Y Z R\nPOS X CW 100 Z CW 20\nWHERE\nPOS X CCW 101\nPOS Y", "--fast")
+    done = console(
+        state, "HOME X Y Z R\nPOS X CW 100 Z CW 20\nWHERE\nPOS X CCW 101\nPOS Y", "--fast"
+    )
     assert done.returncode == 2  # a line was refused
     lines = done.stdout.splitlines()
     assert lines[:3] == [
@@ -99,7 +126,15 @@ def test_bad_input_is_told(state, call):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{", "[]", '{"kind": "other"}', '{"kind": "pulsepath console", "schema": 1}', "\x00" * 100]
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        '{"kind": "other"}',
+        '{"kind": "pulsepath console", "schema": 1}',
+        "\x00" * 100,
+    ],
 )
 def test_a_state_file_that_is_not_whole_is_refused(tmp_path, text):
     path = tmp_path / "state.json"
@@ -112,11 +147,18 @@ def test_wrong_values_in_a_state_file_are_refused(state):
     assert console(state, "HOME X\n").returncode == 0
     good = json.loads(state.read_text())
     assert register_file.read(state) is not None
-    for key, value in (("registers", {"X": 1}), ("homed", {**good["homed"], "X": 1}), ("machine", 3), ("extra", 1)):
+    for key, value in (
+        ("registers", {"X": 1}),
+        ("homed", {**good["homed"], "X": 1}),
+        ("machine", 3),
+        ("extra", 1),
+    ):
         state.write_text(json.dumps({**good, key: value}))
         with pytest.raises(MotionError, match="state"):
             register_file.read(state)
-    for key, value in product(("registers", "counters", "pulses"), (2**64, -(2**63), 10**400, 2**53 + 1)):
+    for key, value in product(
+        ("registers", "counters", "pulses"), (2**64, -(2**63), 10**400, 2**53 + 1)
+    ):
         state.write_text(json.dumps({**good, key: {**good[key], "X": value}}))
         with pytest.raises(MotionError, match=rf"{key}: X is .*, limit {2**53}; remove the file"):
             register_file.read(state)
@@ -143,7 +185,9 @@ def test_killed_in_a_motion_it_does_not_offer_what_moved(state):
     assert again.stdout.splitlines()[1] == "X ?0 Y 0 Z 0 R 0 (?: not counted from home)"
 
 
-@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(
+    ("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+)
 def test_interrupted_it_stops_and_says_what_was_left(state, sent, code):
     process = subprocess.Popen(
         [sys.executable, "-m", "pulsepath", "console", "--machine", "traverser", "--state", str(state), "--tcp", "0"],
@@ -236,7 +280,16 @@ class Seat:
     """An operator at a terminal of the console's own."""
 
     def __init__(self, state, *options):
-        command = ["-m", "pulsepath", "console", "--machine", "traverser", "--state", str(state), *options]
+        command = [
+            "-m",
+            "pulsepath",
+            "console",
+            "--machine",
+            "traverser",
+            "--state",
+            str(state),
+            *options,
+        ]
         self.pid, self.terminal = pty.fork()
         if self.pid == 0:
             os.execv(sys.executable, [sys.executable, *command])
@@ -246,7 +299,9 @@ class Seat:
         os.write(self.terminal, keys)
 
     def expect(self, text, seconds=30):
-        """What was shown up to a text, which comes by then; a space may have been shown as a move of the cursor."""
+        """What was shown up to a text, which comes by then; a space may have been shown as a move
+        of the cursor.
+        """
         end = time.monotonic() + seconds
         while text not in self.shown and time.monotonic() < end:
             if select.select([self.terminal], [], [], 0.1)[0]:

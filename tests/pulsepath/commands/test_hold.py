@@ -16,7 +16,19 @@ from tests import read_lines
 
 def test_a_stop_and_the_way_on_in_files(call, plan, job):
     made, rest = plan / "stop.csv", plan / "rest.csv"
-    done = call("hold", plan, "--at", "0.72 s", "--format", "pulses", "--out", made, "--resume", rest, "--json")
+    done = call(
+        "hold",
+        plan,
+        "--at",
+        "0.72 s",
+        "--format",
+        "pulses",
+        "--out",
+        made,
+        "--resume",
+        rest,
+        "--json",
+    )
     assert done.exit_code == 0, done.stderr
     told, pulses = json.loads(done.stdout), job.plan.pulses
     assert told["certified"]
@@ -24,10 +36,14 @@ def test_a_stop_and_the_way_on_in_files(call, plan, job):
     assert told["held_at_s"] == pytest.approx(0.72)
     machine = job.plan.machine
     stop, onward = (
-        read_lines.read(str(f), pulses.clock_hz, machine.axes, machine.home_q).schedule for f in (made, rest)
+        read_lines.read(str(f), pulses.clock_hz, machine.axes, machine.home_q).schedule
+        for f in (made, rest)
     )
     for before, own, after in zip(pulses.axes, stop.axes, onward.axes, strict=True):
-        assert before.counts([7_200_000 - 1])[0] + own.direction.sum() + after.direction.sum() == before.final
+        assert (
+            before.counts([7_200_000 - 1])[0] + own.direction.sum() + after.direction.sum()
+            == before.final
+        )
 
 
 def test_an_instant_is_a_time_or_a_share_and_0_is_both(call, corner):
@@ -78,7 +94,9 @@ def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(corner, tmp_path):
     assert stop.certificate.holds
     assert stop.duration == pytest.approx(other.duration, rel=1e-9)
     assert taken.resume(stop).since == stop.until
-    assert taken.resume(stop, 0.5).duration == pytest.approx(fresh.resume(other, 0.5).duration, rel=1e-9)
+    assert taken.resume(stop, 0.5).duration == pytest.approx(
+        fresh.resume(other, 0.5).duration, rel=1e-9
+    )
     files = [tmp_path / "taken.bin", tmp_path / "fresh.bin"]
     for each, file in zip((taken, fresh), files, strict=True):
         each.export("steps", file)
@@ -89,17 +107,32 @@ def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(corner, tmp_path):
 
 @pytest.mark.parametrize("parts", [False, True])
 def test_at_every_rest_of_a_plan_on_disk_the_stop_is_empty(call, tmp_path, parts):
-    """Of one that was planned as a whole, and of one in parts: at both ends, at a corner and in a dwell."""
+    """Of one that was planned as a whole, and of one in parts: at both ends, at a corner and in a
+    dwell.
+    """
     program, out = tmp_path / "corners.nc", tmp_path / "out"
     program.write_text("G21 G90 F1200\nG1 X5 Y5\nX10 Y0\nG4 P0.1\nX20 Y3\n", encoding="utf-8")
     way = "--stream" if parts else "--whole"
-    asked = ("plan", program, "--machine", "corexy", "--order", "2", "--no-figures", way, "--out", out)
+    asked = (
+        "plan",
+        program,
+        "--machine",
+        "corexy",
+        "--order",
+        "2",
+        "--no-figures",
+        way,
+        "--out",
+        out,
+    )
     assert call(*asked).exit_code == 0
     taken = load_plan(out)
     motion = taken.trajectory
     still = np.flatnonzero(motion.v <= 1e-12 * motion.v.max())
     rests = sorted({0.0, motion.duration, *motion.knots[still].tolist()})
-    inside = [(low + high) / 2 for low, high in pairwise(rests) if motion.at((low + high) / 2).sd[0] == 0]
+    inside = [
+        (low + high) / 2 for low, high in pairwise(rests) if motion.at((low + high) / 2).sd[0] == 0
+    ]
     assert len(rests) >= 5
     assert len(inside) == 1
     for at in (*rests, *inside):
@@ -109,20 +142,46 @@ def test_at_every_rest_of_a_plan_on_disk_the_stop_is_empty(call, tmp_path, parts
     for at in ("0 s", "100 %", f"{inside[0]} s"):
         stop, rest = tmp_path / "stop.bin", tmp_path / "rest.bin"
         onward = ("--resume", rest) if at != "100 %" else ()
-        asked = ("hold", out, "--at", at, "--format", "binary", "--out", stop, *onward, "--force", "--json")
+        asked = (
+            "hold",
+            out,
+            "--at",
+            at,
+            "--format",
+            "binary",
+            "--out",
+            stop,
+            *onward,
+            "--force",
+            "--json",
+        )
         done = call(*asked)
         assert done.exit_code == 0, done.stderr
         told = json.loads(done.stdout)
         assert (told["duration_s"], told["distance_m"], told["certified"]) == (0, 0, True)
         assert read_pulses(stop).total == 0
         if onward:
-            ends = [[axis.final for axis in pulses.axes] for pulses in (read_pulses(rest), taken.pulses)]
+            ends = [
+                [axis.final for axis in pulses.axes] for pulses in (read_pulses(rest), taken.pulses)
+            ]
             assert ends[0] == ends[1]
 
 
 def test_the_way_on_at_a_share_of_the_speed(call, corner, tmp_path):
     made, rest = tmp_path / "stop.bin", tmp_path / "rest.bin"
-    given = ("hold", corner, "--at", "0.1 s", "--format", "steps", "--out", made, "--resume", rest, "--json")
+    given = (
+        "hold",
+        corner,
+        "--at",
+        "0.1 s",
+        "--format",
+        "steps",
+        "--out",
+        made,
+        "--resume",
+        rest,
+        "--json",
+    )
     fast = json.loads(call(*given).stdout)["resumed_s"]
     slow = json.loads(call(*given, "--speed", "50 %", "--force").stdout)["resumed_s"]
     assert slow == pytest.approx(2 * fast, rel=0.1)
@@ -134,8 +193,24 @@ def test_the_way_on_at_a_share_of_the_speed(call, corner, tmp_path):
 def test_triggers_fire_in_the_stop_or_behind_it(call, tmp_path):
     program, out = tmp_path / "marked.nc", tmp_path / "out"
     program.write_text("G21 G90\nG1 X10 Y5 F1200\nM5\nG1 X20 Y20\nM30\n")
-    assert call("plan", program, "--machine", "corexy", "--out", out, "--no-figures", "--order", "2").exit_code == 0
-    given = ("hold", out, "--at", "0.2 s", "--format", "steps", "--out", out / "stop.bin", "--resume", out / "rest.bin")
+    assert (
+        call(
+            "plan", program, "--machine", "corexy", "--out", out, "--no-figures", "--order", "2"
+        ).exit_code
+        == 0
+    )
+    given = (
+        "hold",
+        out,
+        "--at",
+        "0.2 s",
+        "--format",
+        "steps",
+        "--out",
+        out / "stop.bin",
+        "--resume",
+        out / "rest.bin",
+    )
     told = json.loads(call(*given, "--json").stdout)
     assert [event["name"] for event in told["resumed_triggers"]] == ["M5"]
     assert told["triggers"] == []
@@ -154,7 +229,9 @@ def test_a_table_of_stops(call, corner, tmp_path):
 
 
 def test_help_lists_the_formats_that_can_hold_a_stop(call, corner, tmp_path):
-    """Every format refuses a motion that starts at speed, or is offered: as its own declaration says."""
+    """Every format refuses a motion that starts at speed, or is offered: as its own declaration
+    says.
+    """
     told = call("hold", "--help").stdout
     whole = load_plan(corner)
     held = whole.hold(0.3 * whole.duration)
@@ -164,12 +241,18 @@ def test_help_lists_the_formats_that_can_hold_a_stop(call, corner, tmp_path):
             refused = ""
         except MotionError as no:
             refused = str(no)
-        offered = any(line.split()[:1] == [name] for line in told.partition("Formats:")[2].splitlines())
+        offered = any(
+            line.split()[:1] == [name] for line in told.partition("Formats:")[2].splitlines()
+        )
         assert offered is takes_stop(find_format(name))
         if offered:
             assert "at rest" not in refused
         else:
-            assert "starts and ends at rest" in refused or "has no card" in refused or "capital letter" in refused
+            assert (
+                "starts and ends at rest" in refused
+                or "has no card" in refused
+                or "capital letter" in refused
+            )
     assert "g93" not in told
     assert "g93" in call("export", "--help").stdout
 
@@ -194,8 +277,14 @@ def test_a_plan_with_its_stops(call, tmp_path):
     [
         ([], "--at TIME, or --stops"),
         (["--at", "99 s"], "give an instant of it"),
-        (["--at", "100 %", "--format", "steps", "--out", "x", "--resume", "y"], "nothing to resume"),
-        (["--at", "1.2 s", "--format", "steps", "--out", "x", "--resume", "y"], "nothing to resume"),
+        (
+            ["--at", "100 %", "--format", "steps", "--out", "x", "--resume", "y"],
+            "nothing to resume",
+        ),
+        (
+            ["--at", "1.2 s", "--format", "steps", "--out", "x", "--resume", "y"],
+            "nothing to resume",
+        ),
         (["--at", "1 s", "--out", "x.bin"], "give --format"),
         (["--at", "1 s", "--format", "steps"], "--out FILE"),
         (["--at", "1 s", "--format", "steps", "--out", "x", "--resume", "x"], "the same file"),

@@ -1,4 +1,6 @@
-"""The command `import`: a program from another format, whole or not at all, and what is said of it."""
+"""The command `import`: a program from another format, whole or not at all, and what is said of
+it.
+"""
 
 import json
 import struct
@@ -46,7 +48,17 @@ def test_the_program_is_written_drawn_and_told(call, part, tmp_path):
 
 
 def test_options_belong_to_formats(call, part, tmp_path):
-    done = call("import", part, "--out", tmp_path / "p.toml", "--join", "stop", "--rapid", "2 m/min", "--json")
+    done = call(
+        "import",
+        part,
+        "--out",
+        tmp_path / "p.toml",
+        "--join",
+        "stop",
+        "--rapid",
+        "2 m/min",
+        "--json",
+    )
     assert done.exit_code == 0, done.stderr
     assert load_program(tmp_path / "p.toml").segments[0].speed == pytest.approx(2 / 60)
     help_text = " ".join(call("import", "--help").stdout.split())
@@ -89,7 +101,10 @@ def test_spindle_words_are_warned_of_and_with_strict_refused(call, part, tmp_pat
     checked = call("check", part, "--machine", "hexapod")
     assert checked.exit_code == 0, checked.stderr
     assert "M5 (line 3): NO TRIGGER" in checked.stderr
-    for command in (("import", part, "--out", tmp_path / "p.toml", "--force"), ("check", part, "--machine", "hexapod")):
+    for command in (
+        ("import", part, "--out", tmp_path / "p.toml", "--force"),
+        ("check", part, "--machine", "hexapod"),
+    ):
         strict = call(*command, "--strict")
         assert strict.exit_code == 2
         assert "part.nc:1: column 5: M3 is not supported" in strict.stderr
@@ -116,14 +131,22 @@ def test_figures_are_of_the_kind_that_the_suffix_says(call, part, tmp_path):
     assert done.exit_code == 0, done.stderr
     assert "<svg" in (tmp_path / "p.svg").read_text()
     part.write_text("G0 Z5\nX10\nY10\n")  # in space
-    assert call("import", part, "--out", tmp_path / "q.toml", "--figure", tmp_path / "q.png").exit_code == 0
+    assert (
+        call("import", part, "--out", tmp_path / "q.toml", "--figure", tmp_path / "q.png").exit_code
+        == 0
+    )
 
 
-def test_more_segments_than_a_program_holds_are_refused_before_anything_is_written(call, part, tmp_path, monkeypatch):
+def test_more_segments_than_a_program_holds_are_refused_before_anything_is_written(
+    call, part, tmp_path, monkeypatch
+):
     monkeypatch.setattr("planner.program.validation.MOST_SEGMENTS", 2)
     done = call("import", part, "--out", tmp_path / "program.toml")
     assert done.exit_code == 2
-    assert "3 segments; a TOML program has at most 2: plan the file as it is (pulsepath plan part.nc)" in done.stderr
+    assert (
+        "3 segments; a TOML program has at most 2: plan the file as it is (pulsepath plan part.nc)"
+        in done.stderr
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["part.nc"]
 
 

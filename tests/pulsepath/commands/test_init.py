@@ -18,9 +18,24 @@ from kinematics.machine.first_machine import short_machine_starter
 from kinematics.machine.machine_file import KINDS
 from kinematics.machine.machine_writer import companions, known_keys, machine_starter
 from planner import load_program, plan, program_names
-from planner.program.program_file import ArcTable, LineTable, PoseTable, ProgramFile, SplineTable, TurnBy, TurnTo
+from planner.program.program_file import (
+    ArcTable,
+    LineTable,
+    PoseTable,
+    ProgramFile,
+    SplineTable,
+    TurnBy,
+    TurnTo,
+)
 from planner.program.program_writer import HEAD, MODIFIERS, SHAPES, program_starter
-from planner.program.segment_tables import BlendTable, CurveTable, FitTable, FreeTable, PathEntry, TriggerTable
+from planner.program.segment_tables import (
+    BlendTable,
+    CurveTable,
+    FitTable,
+    FreeTable,
+    PathEntry,
+    TriggerTable,
+)
 from pulsepath.cli import main
 
 HEADER = re.compile(r"(#?)\[\[?(\w+)\]\]?")
@@ -31,7 +46,9 @@ WITH_OTHER_FORMULAS = {"geometry.rotary", "geometry.follows", "geometry.orientat
 
 
 def tables(text):
-    """Of a file to start from: [header, is it a comment, {key: (is it a comment, its lines)}] for each table."""
+    """Of a file to start from: [header, is it a comment, {key: (is it a comment, its lines)}] for
+    each table.
+    """
     found, lines = [["", False, {}]], iter(text.splitlines())
     for line in lines:
         if header := HEADER.match(line):
@@ -45,13 +62,17 @@ def tables(text):
 
 
 def written(parts, changed=()):
-    """A file again; changed: (table's number, key) that are taken out of their comments, or put into one."""
+    """A file again; changed: (table's number, key) that are taken out of their comments, or put
+    into one.
+    """
     lines = []
     for n, (header, comment, keys) in enumerate(parts):
         if header:
             array = header in ("segment", "axis", "vibration")
             comment = comment and not any(n == number for number, _ in changed)
-            lines.append(f"{'#' if comment else ''}{'[[' if array else '['}{header}{']]' if array else ']'}")
+            lines.append(
+                f"{'#' if comment else ''}{'[[' if array else '['}{header}{']]' if array else ']'}"
+            )
         for key, (hidden, block) in keys.items():
             if (n, key) in changed:
                 block = [line.removeprefix("#") if hidden else f"#{line}" for line in block]
@@ -60,7 +81,9 @@ def written(parts, changed=()):
 
 
 def variants(parts, known):
-    """(what, text) with each key taken out of its comment, with what it needs, and without what it replaces."""
+    """(what, text) with each key taken out of its comment, with what it needs, and without what it
+    replaces.
+    """
     keys = {key.name: key for key in known}
     for n, (header, comment, entries) in enumerate(parts):
         hidden = [key for key, (is_comment, _) in entries.items() if is_comment]
@@ -79,7 +102,12 @@ def variants(parts, known):
 
 def optional(*models):
     """Names of the keys in files that some tables do not ask for."""
-    return {f.alias or name for model in models for name, f in model.model_fields.items() if not f.is_required()}
+    return {
+        f.alias or name
+        for model in models
+        for name, f in model.model_fields.items()
+        if not f.is_required()
+    }
 
 
 @pytest.fixture(scope="module", params=sorted(machine_names()))
@@ -94,15 +122,26 @@ def test_a_machine_file_says_every_key_of_its_schema(machine):
     parts = tables(text)
     kind = tomllib.loads(text)["kind"]
     schema = KINDS[kind][0]
-    models = {name: schema.tables_of(name) for name in ("geometry", "axes", "rotary", "platform", "legs")}
+    models = {
+        name: schema.tables_of(name) for name in ("geometry", "axes", "rotary", "platform", "legs")
+    }
     said = {}
     for header, _, keys in parts:
         said.setdefault(header, set()).update(keys)
-    assert {field.alias or name for name, field in schema.model_fields.items()} <= {*said, *said[""]}
+    assert {field.alias or name for name, field in schema.model_fields.items()} <= {
+        *said,
+        *said[""],
+    }
     for header, models_of_it in models.items():
-        assert said.get(header, set()) == {name for model in models_of_it for name in model.model_fields}
+        assert said.get(header, set()) == {
+            name for model in models_of_it for name in model.model_fields
+        }
     legged = kind in ("hexapod", "tripod")
-    nested = [TimingTable, *([HomeTable] if kind != "arm" else []), *([Plate, Mass] if legged else [])]
+    nested = [
+        TimingTable,
+        *([HomeTable] if kind != "arm" else []),
+        *([Plate, Mass] if legged else []),
+    ]
     nested += [LinearDrive] if kind != "arm" else []
     nested += [RotaryDrive] if kind in ("arm", "traverser") else []
     for name in optional(*nested):
@@ -111,7 +150,10 @@ def test_a_machine_file_says_every_key_of_its_schema(machine):
 
 def test_each_key_in_a_comment_makes_a_file_that_loads(tmp_path, machine):
     text = machine_starter(machine)
-    data, (kind, path) = tomllib.loads(text), (tomllib.loads(text)["kind"], tmp_path / "machine.toml")
+    data, (kind, path) = (
+        tomllib.loads(text),
+        (tomllib.loads(text)["kind"], tmp_path / "machine.toml"),
+    )
     for name, content in companions(machine).items():
         (tmp_path / name).write_bytes(content)
     parts = tables(text)
@@ -119,7 +161,12 @@ def test_each_key_in_a_comment_makes_a_file_that_loads(tmp_path, machine):
     keys = known_keys(kind)
     tried = list(
         variants(
-            parts, [key for table in ("", "geometry", "rotary", "axes", "platform") for key in keys.get(table, ())]
+            parts,
+            [
+                key
+                for table in ("", "geometry", "rotary", "axes", "platform")
+                for key in keys.get(table, ())
+            ],
         )
     )
     for part in parts:  # whose examples have other units than the slides'
@@ -149,7 +196,9 @@ def test_a_program_file_says_every_key_and_loads_with_each(tmp_path, preset):
     parts, path = tables(text), tmp_path / "program.toml"
     assert tomllib.loads(written(parts)) == tomllib.loads(text)
     segments = [part[2] for part in parts if part[0] == "segment"]
-    assert parts[0][2].keys() | {"segment"} == {field.alias or name for name, field in ProgramFile.model_fields.items()}
+    assert parts[0][2].keys() | {"segment"} == {
+        field.alias or name for name, field in ProgramFile.model_fields.items()
+    }
     assert {key for keys in segments for key in keys} == {*PathEntry.model_fields, *SHAPES}
     shapes = (
         PoseTable,
@@ -175,7 +224,11 @@ def test_what_is_written_plans_at_once(call, tmp_path, machine):
     done = call("init", tmp_path / "new" / "one", "--machine", machine, "--json")
     assert done.exit_code == 0
     written = json.loads(done.stdout)["files"]
-    assert {Path(file).name for file in written} == {"machine.toml", "program.toml", *companions(machine)}
+    assert {Path(file).name for file in written} == {
+        "machine.toml",
+        "program.toml",
+        *companions(machine),
+    }
     folder = tmp_path / "new" / "one"
     program = load_program(folder / "program.toml")
     assert program.machine == "machine.toml"
@@ -183,7 +236,9 @@ def test_what_is_written_plans_at_once(call, tmp_path, machine):
 
 
 def test_a_short_file_is_the_same_machine_without_what_can_wait(tmp_path, machine):
-    """Joints are rounded to 0.1 µm and leg lengths to 0.01 mm; limits of speed, acceleration and jerk are exact."""
+    """Joints are rounded to 0.1 µm and leg lengths to 0.01 mm; limits of speed, acceleration and
+    jerk are exact.
+    """
     (tmp_path / "short.toml").write_text(short_machine_starter(machine))
     for name, content in companions(machine).items():
         (tmp_path / name).write_bytes(content)
@@ -208,8 +263,14 @@ def test_plain_numbers_of_a_file_keep_their_unit(call, tmp_path, option):
         '[axes]\nleg_length = [8, 14]\npulse = "1 um"\nmax_speed = "15 mm/s"\nmax_acceleration = "150 mm/s^2"\n'
         'backlash = "1 um"\n[wiring]\narm1 = ["PCI-8164", 0]\n'
     )
-    assert call("init", tmp_path / "new", "--machine", tmp_path / "inches.toml", *option).exit_code == 0
-    made, source = load_machine(tmp_path / "new" / "machine.toml"), load_machine(tmp_path / "inches.toml")
+    assert (
+        call("init", tmp_path / "new", "--machine", tmp_path / "inches.toml", *option).exit_code
+        == 0
+    )
+    made, source = (
+        load_machine(tmp_path / "new" / "machine.toml"),
+        load_machine(tmp_path / "inches.toml"),
+    )
     np.testing.assert_allclose(made.base, source.base, rtol=1e-12)
     np.testing.assert_allclose(made.home_q, source.home_q, rtol=1e-12)
     for one, other in zip(made.axes, source.axes, strict=True):
@@ -236,7 +297,9 @@ def test_each_key_of_a_short_file_has_a_line_of_comment(machine):
         assert len(text) < 0.5 * len(machine_starter(machine))
 
 
-@pytest.mark.parametrize("folder", ["mine", "my hexapod (2)", "größer", '"quoted"', "...x", "back\\slash", "x" * 101])
+@pytest.mark.parametrize(
+    "folder", ["mine", "my hexapod (2)", "größer", '"quoted"', "...x", "back\\slash", "x" * 101]
+)
 def test_machine_and_program_are_named_after_the_folder(call, tmp_path, monkeypatch, folder):
     fits = len(folder) <= 100 and "\\" not in folder
     done = call("init", tmp_path / folder)
@@ -255,7 +318,9 @@ def test_machine_and_program_are_named_after_the_folder(call, tmp_path, monkeypa
 
 @pytest.mark.parametrize("name", ["", "a/b", "..", "  ", "tab\t", "x" * 101])
 def test_a_name_that_is_none_is_refused(tmp_path, name):
-    text = short_machine_starter("hexapod", "mine").replace('name = "mine"', f"name = {json.dumps(name)}")
+    text = short_machine_starter("hexapod", "mine").replace(
+        'name = "mine"', f"name = {json.dumps(name)}"
+    )
     (tmp_path / "machine.toml").write_text(text)
     with pytest.raises(FileError, match="is not a name: give 1 to 100 characters") as told:
         load_machine(tmp_path / "machine.toml")
@@ -265,7 +330,10 @@ def test_a_name_that_is_none_is_refused(tmp_path, name):
 def test_the_folder_for_its_file_is_pointed_to_the_file(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call("init", "mine").exit_code == 0
-    cases = (("plan", "mine", "--out", "out"), "program.toml"), (("pose", "mine", "0,0,0"), "machine.toml")
+    cases = (
+        (("plan", "mine", "--out", "out"), "program.toml"),
+        (("pose", "mine", "0,0,0"), "machine.toml"),
+    )
     for command, file in cases:
         done = call(*command)
         assert done.exit_code == 2
@@ -291,7 +359,9 @@ def test_the_commands_that_it_ends_with_are_commands(call, tmp_path, monkeypatch
         program, *arguments = line.split()
         assert program == "pulsepath"
         name, command, rest = main.resolve_command(click.Context(main), arguments)
-        assert Path(command.make_context(name, rest).params["program"]) == Path(folder, "program.toml")
+        assert Path(command.make_context(name, rest).params["program"]) == Path(
+            folder, "program.toml"
+        )
 
 
 def test_a_program_to_start_from_brings_its_machine(call, tmp_path):
@@ -358,7 +428,9 @@ def test_doubts_about_a_file_are_warnings(call, tmp_path, limit_search):
     text = file.read_text()
     rows = "    [86.6025, 50, -11],\n", "    [0, 100, -11],\n"
     assert "".join(rows) in text
-    file.write_text(text.replace("".join(rows), "".join(reversed(rows))).replace("20 mm/s", "20 m/s"))
+    file.write_text(
+        text.replace("".join(rows), "".join(reversed(rows))).replace("20 mm/s", "20 m/s")
+    )
     for done in (
         call("check", short, "--machine", file, "-v"),
         call("pose", file, "0,0,0"),
@@ -375,7 +447,16 @@ def test_a_speed_that_the_axes_never_come_near_is_a_warning(call, tmp_path):
     assert call("init", tmp_path / "mine").exit_code == 0
     file = tmp_path / "mine" / "program.toml"
     text = file.read_text()
-    options = ("--order", 2, "--no-figures", "--pulses", "none", "--no-baselines", "--bound", "none")
+    options = (
+        "--order",
+        2,
+        "--no-figures",
+        "--pulses",
+        "none",
+        "--no-baselines",
+        "--bound",
+        "none",
+    )
     for speed, doubted in (("40 m/s", True), ("40 mm/s", False)):
         file.write_text(text.replace('frame = "home"', f'frame = "home"\nspeed = "{speed}"'))
         done = call("plan", file, *options, "--out", tmp_path / speed.replace("/", "_"))

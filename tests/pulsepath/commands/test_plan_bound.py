@@ -1,4 +1,6 @@
-"""`plan --bound` and `--baselines`: by default they cost little, and what is left out is said with its option."""
+"""`plan --bound` and `--baselines`: by default they cost little, and what is left out is said with
+its option.
+"""
 
 import json
 from itertools import pairwise
@@ -81,8 +83,21 @@ def test_a_bound_without_worth(call, tmp_path):
 
 def test_a_motion_of_many_runs_says_that_it_has_no_bound_and_how_to_get_it(call, tmp_path):
     file = tmp_path / "part.nc"
-    file.write_text("G21 G90 F6000\n" + "".join(f"G1 X{(k + 1) // 2} Y{k // 2}\n" for k in range(1, 61)) + "M2\n")
-    asked = ("plan", file, "--machine", "cartesian", "--no-figures", "--pulses", "none", "--no-baselines")
+    file.write_text(
+        "G21 G90 F6000\n"
+        + "".join(f"G1 X{(k + 1) // 2} Y{k // 2}\n" for k in range(1, 61))
+        + "M2\n"
+    )
+    asked = (
+        "plan",
+        file,
+        "--machine",
+        "cartesian",
+        "--no-figures",
+        "--pulses",
+        "none",
+        "--no-baselines",
+    )
     printed = " ".join(call(*asked, "--out", tmp_path / "plan").stdout.split())
     record = json.loads((tmp_path / "plan/plan.json").read_text())
     assert record["lower_bound"]["kind"] == "estimate"
@@ -122,13 +137,17 @@ def test_a_quick_bound_holds_and_takes_about_as_long_as_planning(order):
     begin = process_time()
     plan("circle", "hexapod", order=order)
     planning = process_time() - begin
-    bound_duration(made.trajectory, made.limits, order, most_cells=cells)  # with what is compiled and kept
+    bound_duration(
+        made.trajectory, made.limits, order, most_cells=cells
+    )  # with what is compiled and kept
     begin = process_time()
     quick = bound_duration(made.trajectory, made.limits, order, most_cells=cells)
     assert process_time() - begin < 2 * planning  # 0.8 times as a rule
     # cruises at the capped speed have a cell for each time piece, which costs next to nothing
     stops = np.flatnonzero(made.path.stops(order)).tolist()
-    spans = [span for ends in pairwise(stops) for span in split_run(made.trajectory, made.limits, ends)]
+    spans = [
+        span for ends in pairwise(stops) for span in split_run(made.trajectory, made.limits, ends)
+    ]
     cruising = sum(len(span.pieces) for span in spans if span.cruising)
     assert len(quick.s) - cruising <= cells + LEAST_SHARED_CELLS * len(spans)
     # the machine takes so long at least, and the fine bound is a bound too

@@ -1,4 +1,6 @@
-"""`plan --cluster`: the same bytes as on one computer, also where workers die, and refusals that say what to do."""
+"""`plan --cluster`: the same bytes as on one computer, also where workers die, and refusals that
+say what to do.
+"""
 
 import os
 import signal
@@ -20,7 +22,12 @@ def code(strokes, bad=""):
     """Strokes of rounded corners, a wait before each but the first."""
     lines = ["G21 G90 G64 P0.02", "G1 X0 Y0 Z25 F600"]
     for n in range(strokes):
-        lines += [f"G1 X{1 + 0.1 * n:.1f} Y0.5", f"G1 X0.5 Y{1 + 0.1 * n:.1f}", "G1 X0 Y0.2", "G4 P0.01"]
+        lines += [
+            f"G1 X{1 + 0.1 * n:.1f} Y0.5",
+            f"G1 X0.5 Y{1 + 0.1 * n:.1f}",
+            "G1 X0 Y0.2",
+            "G4 P0.01",
+        ]
     return "\n".join([*lines, bad, "G1 X0 Y0", "M2", ""])
 
 
@@ -87,7 +94,9 @@ def test_processes_of_this_computer_make_the_same_bytes(call, file, alone, tmp_p
     monkeypatch.setattr(parallel, "cores", lambda: 2)
     given = []
     submit = parallel.Pool.submit
-    monkeypatch.setattr(parallel.Pool, "submit", lambda *asked: given.append(asked) or submit(*asked))
+    monkeypatch.setattr(
+        parallel.Pool, "submit", lambda *asked: given.append(asked) or submit(*asked)
+    )
     assert call("plan", file, *ASKED, "--stream", "--out", tmp_path / "out").exit_code == 0
     assert len(given) > 2
     compare(tmp_path / "out", alone)
@@ -127,7 +136,9 @@ def test_without_workers_it_is_planned_here(call, file, alone, tmp_path, monkeyp
     ) as made:
         when_written(monkeypatch, 1, lambda: made.scale(0))
         address = made.scheduler_address
-        done = call("plan", file, *ASKED, "--stream", "--cluster", address, "--out", tmp_path / "out")
+        done = call(
+            "plan", file, *ASKED, "--stream", "--cluster", address, "--out", tmp_path / "out"
+        )
     assert done.exit_code == 0, done.stderr
     assert "done by this computer instead of the cluster: it has no worker any more" in done.stderr
     compare(tmp_path / "out", alone)
@@ -151,7 +162,10 @@ def test_refusals(call, file, tmp_path, monkeypatch):
         ("tcp://127.0.0.1:9", "no Dask scheduler answers at tcp://127.0.0.1:9"),
         ("nowhere", "no Dask scheduler answers at nowhere: missing port number"),
         ("tls://127.0.0.1:9", "TLS"),
-        (str(tmp_path / "none.json"), "there is no such file; give the address, or the --scheduler-file"),
+        (
+            str(tmp_path / "none.json"),
+            "there is no such file; give the address, or the --scheduler-file",
+        ),
     ):
         done = call(*asked, "--stream", "--cluster", address)
         assert done.exit_code == 2

@@ -1,4 +1,6 @@
-"""`plan --cross-check`: toppra's motion beside ours in every place where a plan is describe_error."""
+"""`plan --cross-check`: toppra's motion beside ours in every place where a plan is
+describe_error.
+"""
 
 import json
 import sys
@@ -9,7 +11,17 @@ from pulsepath.process.exits import describe_error
 
 def test_both_motions_are_in_the_record_the_report_and_the_terminal(call, tmp_path):
     out = tmp_path / "plan"
-    done = call("plan", "bare-circle", "--order", "2", "--no-figures", "--cross-check", "--out", out, "--json")
+    done = call(
+        "plan",
+        "bare-circle",
+        "--order",
+        "2",
+        "--no-figures",
+        "--cross-check",
+        "--out",
+        out,
+        "--json",
+    )
     assert done.exit_code == 0, done.stderr
     record = json.loads((out / "plan.json").read_text())
     found = record["cross_check"]

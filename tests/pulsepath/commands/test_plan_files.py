@@ -1,4 +1,6 @@
-"""`pulsepath plan FILE` of a file of another format: planned as it is, taken up again, refused with its line."""
+"""`pulsepath plan FILE` of a file of another format: planned as it is, taken up again, refused with
+its line.
+"""
 
 import json
 from importlib.resources import files
@@ -31,11 +33,24 @@ def part(tmp_path_factory):
 
 @pytest.mark.parametrize("how", ["--whole", "--stream"])
 def test_what_drives_need_and_get_is_shown(call, tmp_path, how):
-    """At 20 mm/s and 0.75 µm a pulse comes every 37.5 µs: with 15 µs of STEP high, 22.5 µs of it low are left."""
+    """At 20 mm/s and 0.75 µm a pulse comes every 37.5 µs: with 15 µs of STEP high, 22.5 µs of it
+    low are left.
+    """
     machine = (files("kinematics") / "presets" / "hexapod.toml").read_text(encoding="utf-8")
     needs = '{ high = "15 us", low = "20 us", setup = "50 us", hold = "1 us" }'
-    (tmp_path / "m.toml").write_text(machine.replace("[axes]", f"[axes]\ntiming = {needs}"), encoding="utf-8")
-    asked = ("plan", "bare-circle", "--machine", tmp_path / "m.toml", "--order", "2", "--no-figures", how)
+    (tmp_path / "m.toml").write_text(
+        machine.replace("[axes]", f"[axes]\ntiming = {needs}"), encoding="utf-8"
+    )
+    asked = (
+        "plan",
+        "bare-circle",
+        "--machine",
+        tmp_path / "m.toml",
+        "--order",
+        "2",
+        "--no-figures",
+        how,
+    )
     first = call(*asked, "--out", tmp_path / "one")
     assert first.exit_code == 0, first.stderr
     assert "STEP low of leg1 22.5 us, its drive needs 20; all with -v" in first.stdout
@@ -43,7 +58,10 @@ def test_what_drives_need_and_get_is_shown(call, tmp_path, how):
     assert "lines of STEP and DIR" in full.stdout
     assert "22.5 / 20" in full.stdout
     assert "26.6667 / 28.5714" in full.stdout  # 1/37.5 µs, and 1/(15 µs + 20 µs)
-    for record in (json.loads((tmp_path / "two" / name).read_text()) for name in ("plan.json", "certificate.json")):
+    for record in (
+        json.loads((tmp_path / "two" / name).read_text())
+        for name in ("plan.json", "certificate.json")
+    ):
         leg = record.get("pulses", record)["axes"]["leg1"]
         assert leg["lines_s"]["low"] == pytest.approx(22.5e-6)
         assert leg["drive_needs_s"]["setup"] == pytest.approx(50e-6)
@@ -146,7 +164,10 @@ def test_what_cannot_be_reached_in_the_middle_is_told_with_its_line(call, tmp_pa
     limit_search(0.0)
     file, out = write_with(tmp_path / "part.nc", b"G1 Z-300"), tmp_path / "out"
     asked = "--machine", "hexapod"
-    for done in (call("plan", file, *asked, "--order", "2", "--stream", "--out", out), call("check", file, *asked)):
+    for done in (
+        call("plan", file, *asked, "--order", "2", "--stream", "--out", out),
+        call("check", file, *asked),
+    ):
         assert done.exit_code == 1
         assert f"segment {MIDDLE - 1} is in line {MIDDLE} of part.nc" in done.stderr
         assert "is singular, or too close" in done.output
@@ -169,7 +190,9 @@ def test_what_was_proved_before_is_kept_where_that_is_asked_for(call, tmp_path, 
         counted += [axis.direction.sum(dtype=np.int64) for axis in part.axes]
     q = machine.home_q + counted * [axis.pulse for axis in machine.axes]
     there = machine.forward(q).pose.translation - machine.home.translation
-    np.testing.assert_allclose(there * 1e3, [7.2, 0.0, 25.0], atol=0.15)  # on the rounding of the corner
+    np.testing.assert_allclose(
+        there * 1e3, [7.2, 0.0, 25.0], atol=0.15
+    )  # on the rounding of the corner
 
 
 def test_the_line_of_a_segment_that_breaks_several_limits_is_told_once(call, tmp_path):
@@ -181,12 +204,16 @@ def test_the_line_of_a_segment_that_breaks_several_limits_is_told_once(call, tmp
     assert done.stderr == "segment 1 is in line 5 of far.toml\n"
 
 
-@pytest.mark.parametrize(("blend", "told"), [("5 m", "5000 mm, more than the whole path of"), ("0.05 mm", "")])
+@pytest.mark.parametrize(
+    ("blend", "told"), [("5 m", "5000 mm, more than the whole path of"), ("0.05 mm", "")]
+)
 def test_a_tolerance_beyond_the_path_is_told(call, tmp_path, blend, told):
     corner = f'[[segment]]\nline = {{ to = [0, 5, 0] }}\njoin = {{ blend = "{blend}" }}\n'
     head = 'schema = 1\nmachine = "traverser"\nlength = "mm"\n'
     (tmp_path / "p.toml").write_text(f"{head}{corner}[[segment]]\nline = {{ to = [5, 5, 0] }}\n")
-    done = call("plan", tmp_path / "p.toml", "--out", tmp_path / "out", "--no-figures", "--pulses", "none")
+    done = call(
+        "plan", tmp_path / "p.toml", "--out", tmp_path / "out", "--no-figures", "--pulses", "none"
+    )
     assert done.exit_code == 0, done.stderr
     assert told in done.stdout
     assert ("is the unit as meant?" in done.stdout) == bool(told)

@@ -1,4 +1,6 @@
-"""The option --motion: a program from pose to pose, in a plan's directory that later commands take up."""
+"""The option --motion: a program from pose to pose, in a plan's directory that later commands take
+up.
+"""
 
 import json
 
@@ -32,7 +34,16 @@ def test_a_program_is_planned_exported_and_taken_up_so(call, out):
     file = out / "there.toml"
     file.write_text(PROGRAM)
     done = call(
-        "plan", file, "--motion", "synchronised", "--order", "2", "--no-figures", "--out", out / "plan", "--json"
+        "plan",
+        file,
+        "--motion",
+        "synchronised",
+        "--order",
+        "2",
+        "--no-figures",
+        "--out",
+        out / "plan",
+        "--json",
     )
     assert done.exit_code == 0, done.stderr
     assert "segment 2 ends where it starts: skipped" in done.stderr
@@ -56,9 +67,21 @@ def test_check_and_dump_know_it_and_what_cannot_move_is_refused(call, tmp_path):
     done = call("-v", "check", file, "--motion", "synchronised")
     assert done.exit_code == 0
     assert "straight in the axes, not in space" in done.stdout
-    assert "synchronised = { to" in call("check", file, "--motion", "synchronised", "--dump-config", "-").stdout
+    assert (
+        "synchronised = { to"
+        in call("check", file, "--motion", "synchronised", "--dump-config", "-").stdout
+    )
     assert call("check", file, "--motion", "sideways").exit_code == 2
-    done = call("plan", "bare-circle", "--motion", "synchronised", "--machine", "hexapod", "--out", tmp_path / "plan")
+    done = call(
+        "plan",
+        "bare-circle",
+        "--motion",
+        "synchronised",
+        "--machine",
+        "hexapod",
+        "--out",
+        tmp_path / "plan",
+    )
     assert done.exit_code == 2
     assert "synchronised moves would not move at all" in done.stderr
     assert not (tmp_path / "plan").exists()

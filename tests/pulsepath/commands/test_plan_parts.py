@@ -1,4 +1,6 @@
-"""`plan --stream`: a program planned part by part, its folder taken up by the other commands, ended or whole."""
+"""`plan --stream`: a program planned part by part, its folder taken up by the other commands, ended
+or whole.
+"""
 
 import csv
 import errno
@@ -15,7 +17,13 @@ import pytest
 from benchmarks.evidence.workpieces import spiral
 from kinematics import load_machine
 from planner.certificate import certify
-from planner.export.motion_file import MotionWriter, follow_motion, join_parts, motion_parts, read_motion
+from planner.export.motion_file import (
+    MotionWriter,
+    follow_motion,
+    join_parts,
+    motion_parts,
+    read_motion,
+)
 from planner.export.plan_files import tabulate_trigger_csv
 from planner.path.actuation import actuate
 from planner.path.chain import walk_path
@@ -44,7 +52,16 @@ def planned(call, folder):
     file.write_text(code())
     with small_windows(PIECES):
         done = call(
-            "plan", file, "--machine", "hexapod", "--stream", "--order", "2", "--out", folder / "plan", "--json"
+            "plan",
+            file,
+            "--machine",
+            "hexapod",
+            "--stream",
+            "--order",
+            "2",
+            "--out",
+            folder / "plan",
+            "--json",
         )
     assert done.exit_code == 0, done.stderr
     return json.loads(done.stdout)
@@ -60,7 +77,9 @@ def test_the_record_says_what_was_proved(planned):
 
 
 def test_results_about_the_whole_motion_are_those_of_later_commands(call, folder, planned):
-    """Bound, worth, stops, cross-check and tracking, on request, as from the plan when it is loaded."""
+    """Bound, worth, stops, cross-check and tracking, on request, as from the plan when it is
+    loaded.
+    """
     more = ("--worth", "--stops", "2", "--cross-check", "--rig", "hexapod-steppers", "--no-figures")
     out = folder / "examined"
     with small_windows(PIECES):
@@ -86,7 +105,9 @@ def test_results_about_the_whole_motion_are_those_of_later_commands(call, folder
     )
     stops = loaded.stops(2)
     assert record["stops"]["longest_time_to_rest_s"] == pytest.approx(stops.time.max())
-    assert record["cross_check"]["pulsepath"]["duration_s"] == pytest.approx(loaded.duration, rel=1e-3)
+    assert record["cross_check"]["pulsepath"]["duration_s"] == pytest.approx(
+        loaded.duration, rel=1e-3
+    )
     tracked = call("track", folder / "plan", "--rig", "hexapod-steppers", "--json")
     assert json.loads(tracked.stdout)["laws"] == record["tracking"]["laws"]
     page = (out / "report.html").read_text(encoding="utf-8")
@@ -96,13 +117,18 @@ def test_results_about_the_whole_motion_are_those_of_later_commands(call, folder
 
 def test_other_commands_take_it_up(call, folder, planned):
     for name in ("steps", "binary", "ros"):
-        done = call("export", folder / "plan", "--format", name, "--out", folder / f"f.{name}", "--json")
+        done = call(
+            "export", folder / "plan", "--format", name, "--out", folder / f"f.{name}", "--json"
+        )
         assert done.exit_code == 0, done.stderr
         assert json.loads(done.stdout)["error_pulses"] < 1
     checked = call("check", folder / "plan", "--json")
     assert checked.exit_code == 0, checked.stderr
     told = json.loads(checked.stdout)
-    assert (told["duration_s"], told["pulses"]) == (planned["duration_s"], planned["pulses"]["total"])
+    assert (told["duration_s"], told["pulses"]) == (
+        planned["duration_s"],
+        planned["pulses"]["total"],
+    )
     taken = load_plan(folder / "plan")
     assert taken.trajectory.duration == planned["duration_s"]
     assert taken.pulses.total == planned["pulses"]["total"]
@@ -110,7 +136,9 @@ def test_other_commands_take_it_up(call, folder, planned):
 
 def test_the_page_shows_it_and_loads_nothing(folder, planned):
     text = (folder / "plan" / "report.html").read_text()
-    own = re.sub(r'base64,[\w+/=]+|"[\w+/=]{40,}"|/\*! .*? \*/', "", text)  # but images, data and uPlot's licence
+    own = re.sub(
+        r'base64,[\w+/=]+|"[\w+/=]{40,}"|/\*! .*? \*/', "", text
+    )  # but images, data and uPlot's licence
     assert not re.search(r"https?:|//\w|@import|url\(|fetch\(|XMLHttp|import\(", own)
     assert text.count("data:image/png;base64,") == 3
     assert f"{planned['duration_s']:.6f} s" in text
@@ -133,7 +161,9 @@ def test_each_part_is_proved_by_itself_on_its_own_path(folder, planned):
         begin += Fraction(part.duration)
 
 
-STOPS = "\n".join(["G21 G90 G61", "G1 X1 Z25 F600", *(f"G1 X{k % 2} Y{k % 3}" for k in range(12)), "M2", ""])
+STOPS = "\n".join(
+    ["G21 G90 G61", "G1 X1 Z25 F600", *(f"G1 X{k % 2} Y{k % 3}" for k in range(12)), "M2", ""]
+)
 
 
 @pytest.fixture(scope="module")
@@ -144,9 +174,14 @@ def stopping(call, folder):
     with small_windows(3), pytest.MonkeyPatch.context() as patch:
         patch.setattr(progress, "REPORT_PERIOD", 0.0)
         more = ("--stream", "--order", "2", "--no-figures", "--pulses", "none")
-        done = call("plan", file, "--machine", "hexapod", *more, "--out", folder / "stops", "--json")
+        done = call(
+            "plan", file, "--machine", "hexapod", *more, "--out", folder / "stops", "--json"
+        )
     assert done.exit_code == 0, done.stderr
-    at = [int(line) for line in re.findall(r"part by part: line (\d+) of 15, [\d.]+ s of motion, ", done.stderr)]
+    at = [
+        int(line)
+        for line in re.findall(r"part by part: line (\d+) of 15, [\d.]+ s of motion, ", done.stderr)
+    ]
     assert at == sorted(set(at))
     assert len(at) > 3
     assert at[-1] == 14  # the last that moves, before M2
@@ -173,7 +208,9 @@ def events(call, folder):
         streamed = call("plan", file, *more, "--stream", "--out", folder / "streamed")
     assert streamed.exit_code == 0, streamed.stderr
     assert "trigger" not in streamed.stderr.replace("marked by triggers", "")
-    whole = call("plan", file, *more, "--whole", "--no-worth", "--no-baselines", "--out", folder / "whole")
+    whole = call(
+        "plan", file, *more, "--whole", "--no-worth", "--no-baselines", "--out", folder / "whole"
+    )
     assert whole.exit_code == 0, whole.stderr
     return json.loads(streamed.stdout), json.loads(whole.stdout)
 
@@ -182,7 +219,9 @@ def test_triggers_are_written_where_the_whole_has_them(call, folder, events):
     streamed, whole = events
     own, others = read_triggers(folder / "streamed"), read_triggers(folder / "whole")
     assert streamed["windows"] > 4
-    assert streamed["trigger_count"] == len(own) == len(others) == len(whole["triggers"]) > LINES // 8
+    assert (
+        streamed["trigger_count"] == len(own) == len(others) == len(whole["triggers"]) > LINES // 8
+    )
     taken = load_plan(folder / "streamed")
     times = np.array([float(row["t [s]"]) for row in own])
     places = taken.trajectory.at(times).s  # by the motion as it was written
@@ -195,7 +234,9 @@ def test_triggers_are_written_where_the_whole_has_them(call, folder, events):
         assert places[n] == pytest.approx(float(row["s [m]"]), abs=1e-12)
         # windows of six pieces look ahead a little
         assert times[n] == pytest.approx(float(other["t [s]"]), rel=2e-2)
-        assert [int(value) for name, value in row.items() if "[counts]" in name] == counts[n].tolist()
+        assert [int(value) for name, value in row.items() if "[counts]" in name] == counts[
+            n
+        ].tolist()
 
 
 def list_cells(page, section):
@@ -206,7 +247,9 @@ def list_cells(page, section):
 
 
 def test_both_pages_have_the_drive_timing_and_the_triggers(folder, events):
-    """A plan in parts as a plan of the whole: the times on the lines of each axis, and each trigger with its time."""
+    """A plan in parts as a plan of the whole: the times on the lines of each axis, and each trigger
+    with its time.
+    """
     for name, record in zip(("streamed", "whole"), events, strict=True):
         page = (folder / name / "report.html").read_text(encoding="utf-8")
         heads, rows = list_cells(page, "drives")
@@ -215,7 +258,9 @@ def test_both_pages_have_the_drive_timing_and_the_triggers(folder, events):
             kept = [row[0], *(float(cell.split(" / ")[0]) for cell in row[1:])]
             lines = [1e6 * told["lines_s"][key] for key in ("high", "low", "setup", "hold")]
             assert kept[0] == axis
-            assert kept[1:] == pytest.approx([*lines, told["highest_rate_hz"] / 1e3], rel=1e-5)  # six digits are shown
+            assert kept[1:] == pytest.approx(
+                [*lines, told["highest_rate_hz"] / 1e3], rel=1e-5
+            )  # six digits are shown
         heads, rows = list_cells(page, "triggers")
         known = read_triggers(folder / name)
         assert heads[:4] == ["trigger", "segment", "at (mm)", "time (s)"]
@@ -240,7 +285,9 @@ def test_triggers_that_were_changed_are_found(call, folder, events):
 
 
 def rewrite(path, parts):
-    """The parts of a motion, one after the other: each begins when the one before ends, as a writer asks for it."""
+    """The parts of a motion, one after the other: each begins when the one before ends, as a writer
+    asks for it.
+    """
     begin = Fraction(0)
     with path.open("wb") as file:
         writer = MotionWriter(file)
@@ -266,10 +313,14 @@ def rewrite(path, parts):
     ],
     ids=["cut", "headless", "first twice", "last twice", "left out", "swapped", "fewer steps"],
 )
-def test_a_motion_whose_parts_are_not_the_program_is_no_plan(call, stopping, tmp_path, change, told):
+def test_a_motion_whose_parts_are_not_the_program_is_no_plan(
+    call, stopping, tmp_path, change, told
+):
     forged = tmp_path / "forged"
     copytree(stopping, forged)
-    duration = rewrite(forged / "motion.bin", change(list(join_parts(motion_parts(stopping / "motion.bin")))))
+    duration = rewrite(
+        forged / "motion.bin", change(list(join_parts(motion_parts(stopping / "motion.bin"))))
+    )
     record = json.loads((forged / "plan.json").read_text())
     for name in ("files", "record"):
         record["provenance"].pop(name)
@@ -285,7 +336,11 @@ def test_a_motion_whose_parts_are_not_the_program_is_no_plan(call, stopping, tmp
     ("error", "exit_code", "message"),
     [
         (KeyboardInterrupt(), 130, "interrupted: nothing was written to"),
-        (OSError(errno.ENOSPC, "No space left on device"), 2, "error: .*motion.bin: No space left on device"),
+        (
+            OSError(errno.ENOSPC, "No space left on device"),
+            2,
+            "error: .*motion.bin: No space left on device",
+        ),
     ],
     ids=["Ctrl-C", "full disk"],
 )
@@ -321,9 +376,15 @@ def test_a_plan_that_is_broken_off_leaves_nothing(
 
 @pytest.mark.parametrize("lines", [51, 54])
 def test_every_file_states_the_same_duration(call, folder, lines):
-    """The sum of the parts' durations is one number, wherever it is stated: of these, numbers that round differ."""
+    """The sum of the parts' durations is one number, wherever it is stated: of these, numbers that
+    round differ.
+    """
     file, out = folder / f"stops{lines}.nc", folder / f"stops{lines}"
-    file.write_text("\n".join(["G21 G90 G61", "G1 X1 Z25 F600", *(f"G1 X{k % 2} Y{k % 3}" for k in range(lines))]))
+    file.write_text(
+        "\n".join(
+            ["G21 G90 G61", "G1 X1 Z25 F600", *(f"G1 X{k % 2} Y{k % 3}" for k in range(lines))]
+        )
+    )
     with small_windows(4):
         more = ("--stream", "--order", "2", "--no-figures")
         assert call("plan", file, "--machine", "hexapod", *more, "--out", out).exit_code == 0
@@ -333,11 +394,23 @@ def test_every_file_states_the_same_duration(call, folder, lines):
 
 
 def test_turns_go_on_behind_a_stop(call, folder):
-    """An axis that has turned more than half a turn is gone on with from there, not from home's side."""
+    """An axis that has turned more than half a turn is gone on with from there, not from home's
+    side.
+    """
     turns = "".join("[[segment]]\nturn = { about = [0, 0, 1], angle = 50 }\n" for _ in range(12))
     file = folder / "turns.toml"
     file.write_text(f'schema = 1\nmachine = "traverser"\nlength = "mm"\nangle = "deg"\n{turns}')
-    whole = call("plan", file, "--whole", "--order", "2", "--no-figures", "--out", folder / "turned", "--json")
+    whole = call(
+        "plan",
+        file,
+        "--whole",
+        "--order",
+        "2",
+        "--no-figures",
+        "--out",
+        folder / "turned",
+        "--json",
+    )
     assert whole.exit_code == 0, whole.stderr
     with small_windows(3):
         more = ("--stream", "--order", "2", "--no-figures", "--json")
@@ -354,7 +427,9 @@ def test_a_program_that_goes_out_of_reach_gives_nothing(call, folder, limit_sear
     limit_search(0.0)
     file = folder / "far.nc"
     file.write_text(code(FAR))
-    done = call("plan", file, "--machine", "hexapod", "--stream", "--order", "2", "--out", folder / "far")
+    done = call(
+        "plan", file, "--machine", "hexapod", "--stream", "--order", "2", "--out", folder / "far"
+    )
     assert done.exit_code == 1
     assert f"segment {LINES + 2};" in done.stderr
     assert f"segment {LINES + 2} is in line {LINES + 3} of far.nc" in done.stderr
@@ -389,14 +464,23 @@ def test_or_what_was_certified_before_it(call, folder, limit_search):
 
 def test_what_needs_the_whole_is_refused_with_the_remedy(call, folder):
     for more, told in (
-        (("--duration", "20 s"), "because a duration is a goal for the whole motion: omit it, or give --whole\n"),
+        (
+            ("--duration", "20 s"),
+            "because a duration is a goal for the whole motion: omit it, or give --whole\n",
+        ),
         (("--baselines",), "with --baselines: omit that, or give --whole\n"),
-        (("--pulses", "csv"), "with --pulses csv: omit that, and run pulsepath export --format pulses"),
+        (
+            ("--pulses", "csv"),
+            "with --pulses csv: omit that, and run pulsepath export --format pulses",
+        ),
     ):
         done = call("plan", "circle", "--stream", *more, "--out", folder / "none")
         assert done.exit_code == 2, done.stderr
         assert told in done.stderr
     done = call("plan", "free-yaw", "--machine", "tripod", "--stream", "--out", folder / "none")
     told = " ".join(done.stderr.split())
-    assert "because segment 2 leaves orientation free: plan that segment by itself, or give --whole" in told
+    assert (
+        "because segment 2 leaves orientation free: plan that segment by itself, or give --whole"
+        in told
+    )
     assert call("plan", "circle", "--keep-certified", "--out", folder / "none").exit_code == 2

@@ -14,9 +14,13 @@ from pulsepath.store.verify import prove_motion
 
 @pytest.fixture(scope="module")
 def machine_file(tmp_path_factory):
-    machine = pp.load_machine("hexapod").carrying(pp.Load())  # no force is proved, which takes longest
+    machine = pp.load_machine("hexapod").carrying(
+        pp.Load()
+    )  # no force is proved, which takes longest
     file = tmp_path_factory.mktemp("shaped") / "shaped.toml"
-    shaped = machine.driven_by([replace(axis, shaper=Shaper("zv", 35.0, 0.05)) for axis in machine.axes])
+    shaped = machine.driven_by(
+        [replace(axis, shaper=Shaper("zv", 35.0, 0.05)) for axis in machine.axes]
+    )
     file.write_text(machine_toml(shaped), encoding="utf-8")
     return file
 
@@ -26,14 +30,32 @@ def proved_again(monkeypatch):
     monkeypatch.setattr("pulsepath.store.read.prove_motion", prove_motion)
 
 
-def test_record_motion_and_pulses_are_of_the_shaped_motion(call, machine_file, tmp_path, proved_again):
+def test_record_motion_and_pulses_are_of_the_shaped_motion(
+    call, machine_file, tmp_path, proved_again
+):
     out = tmp_path / "out"
-    done = call("plan", "bare-circle", "--machine", machine_file, "--out", out, "--order", "2", "--no-figures")
+    done = call(
+        "plan",
+        "bare-circle",
+        "--machine",
+        machine_file,
+        "--out",
+        out,
+        "--order",
+        "2",
+        "--no-figures",
+    )
     assert done.exit_code == 0, done.stderr
     assert "input shapers" in done.stdout
     told = json.loads((out / "plan.json").read_text())
-    shaping, card = told["shaping"], (out / "report.html").read_text().split("<dt>Duration</dt><dd>")[1]
-    for page, form in ((done.stdout.split(" duration ")[1], ".6f"), (card, ".4f")):  # the machine's first
+    shaping, card = (
+        told["shaping"],
+        (out / "report.html").read_text().split("<dt>Duration</dt><dd>")[1],
+    )
+    for page, form in (
+        (done.stdout.split(" duration ")[1], ".6f"),
+        (card, ".4f"),
+    ):  # the machine's first
         assert page.lstrip().startswith(f"{told['duration_s']:{form}} s")
         assert f"{shaping['duration_before_s']:{form}} s" in page
     amplitudes, times = Shaper("zv", 35.0, 0.05).impulses
@@ -72,7 +94,9 @@ line = { to = [6, 6, 0] }
 
 
 def test_the_cost_of_the_shapers_is_told(call, tmp_path):
-    """Against a plan of the same machine without them; the limit that was lowered, its share and its place."""
+    """Against a plan of the same machine without them; the limit that was lowered, its share and
+    its place.
+    """
     program, took = tmp_path / "round.toml", []
     program.write_text(ROUND, encoding="utf-8")
     bare = pp.load_machine("traverser").driven_by(
@@ -100,7 +124,9 @@ def test_the_cost_of_the_shapers_is_told(call, tmp_path):
     assert lowered["share"] > 0.9
     assert lowered["from"]["distance_m"] < 0.006 < lowered["to"]["distance_m"]
     assert "lowered for them tool speed to 9" in text
-    assert record["certificate"]["limits"]["tool speed"]["worst_ratio"] > 0.999  # elsewhere all of it is used
+    assert (
+        record["certificate"]["limits"]["tool speed"]["worst_ratio"] > 0.999
+    )  # elsewhere all of it is used
     (left,) = shaping["residual_vibration"]
     assert left["axes"] == ["X"]
     assert left["at_110_percent"] == pytest.approx(np.sin(0.1 * np.pi / 2))
@@ -123,7 +149,9 @@ def test_a_tolerance_that_is_not_proved_behind_the_shapers_is_warned_of(call, tm
     """Against the corner itself: how far the table's poses leave it, or would at most."""
     program, out = tmp_path / "corner.toml", tmp_path / "out"
     program.write_text(CORNER.replace("BLEND", str(blend)), encoding="utf-8")
-    axes = [replace(axis, shaper=Shaper("zv", 28.0, 0.05)) for axis in pp.load_machine("traverser").axes]
+    axes = [
+        replace(axis, shaper=Shaper("zv", 28.0, 0.05)) for axis in pp.load_machine("traverser").axes
+    ]
     machine = tmp_path / "machine.toml"
     machine.write_text(machine_toml(pp.load_machine("traverser").driven_by(axes)), encoding="utf-8")
     done = call("plan", program, "--machine", machine, "--out", out, "--no-figures")
@@ -145,9 +173,14 @@ def test_a_tolerance_that_is_not_proved_behind_the_shapers_is_warned_of(call, tm
 
 
 def test_planning_in_parts_is_refused(call, machine_file, tmp_path):
-    done = call("plan", "bare-circle", "--machine", machine_file, "--out", tmp_path / "o", "--stream")
+    done = call(
+        "plan", "bare-circle", "--machine", machine_file, "--out", tmp_path / "o", "--stream"
+    )
     assert done.exit_code == 2
     told = " ".join(done.stderr.split())
-    assert "program bare-circle on shaped cannot be planned in parts, because the machine has input shapers" in told
+    assert (
+        "program bare-circle on shaped cannot be planned in parts, because the machine has input shapers"
+        in told
+    )
     assert ": take them out of its file, or give --whole" in told
     assert not (tmp_path / "o").exists()

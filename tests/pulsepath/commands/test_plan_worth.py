@@ -1,4 +1,6 @@
-"""`plan --worth` and `--no-baselines`: what is left out is said, with how to get it, and the rest is as it was."""
+"""`plan --worth` and `--no-baselines`: what is left out is said, with how to get it, and the rest
+is as it was.
+"""
 
 import json
 import subprocess
@@ -10,7 +12,16 @@ import pytest
 import pulsepath.job
 from pulsepath import load_plan
 
-ASKED = ("plan", "bare-circle", "--order", "2", "--no-figures", "--no-baselines", "--pulses", "none")
+ASKED = (
+    "plan",
+    "bare-circle",
+    "--order",
+    "2",
+    "--no-figures",
+    "--no-baselines",
+    "--pulses",
+    "none",
+)
 
 
 @pytest.fixture

@@ -25,24 +25,41 @@ def test_a_pose_and_back_by_lengths_travel_and_pulses(call):
         ("--travel", 1e3, "from_home"),
         ("--counts", 1, "pulses"),
     ):
-        back = told(call, "hexapod", option, ",".join(str(scale * axis[key]) for axis in there["axes"]))
+        back = told(
+            call, "hexapod", option, ",".join(str(scale * axis[key]) for axis in there["axes"])
+        )
         off = 1e-5 if key == "pulses" else 1e-9
-        assert back["pose"]["base"]["position_m"] == pytest.approx(there["pose"]["base"]["position_m"], abs=off)
+        assert back["pose"]["base"]["position_m"] == pytest.approx(
+            there["pose"]["base"]["position_m"], abs=off
+        )
         assert back["certified"]
 
 
 def test_what_it_prints(call):
     printed = call("pose", "hexapod", "5,5,35", "--turn", "3,-4,2").stdout
-    for part in ("α (°)", "leg6 platform joint", "length (mm)", "261.163635", "certified", "conditioning"):
+    for part in (
+        "α (°)",
+        "leg6 platform joint",
+        "length (mm)",
+        "261.163635",
+        "certified",
+        "conditioning",
+    ):
         assert part in printed
 
 
 @pytest.mark.parametrize(
     ("arguments", "first"),
     [
-        (("hexapod", "500,0,0"), "NOT PERMITTED: leg2–leg3 clearance: they overlap by 8.909 mm and 31 more limits"),
+        (
+            ("hexapod", "500,0,0"),
+            "NOT PERMITTED: leg2–leg3 clearance: they overlap by 8.909 mm and 31 more limits",
+        ),
         (("traverser", "0,0,5000"), "NOT PERMITTED: Z travel: 5000 mm from home, outside"),
-        (("hexapod", "0,0,20"), "certified: the straight motion from home arrives in this pose and no other"),
+        (
+            ("hexapod", "0,0,20"),
+            "certified: the straight motion from home arrives in this pose and no other",
+        ),
     ],
 )
 def test_what_is_said_first_is_whether_the_machine_may_take_the_pose(call, arguments, first):
@@ -57,21 +74,27 @@ def test_what_is_said_first_is_whether_the_machine_may_take_the_pose(call, argum
     assert words.endswith("NO") != permitted
 
 
-@pytest.mark.parametrize("name", ["hexapod", "hexapod-initial", "tripod", "linkage", "traverser", "arm"])
+@pytest.mark.parametrize(
+    "name", ["hexapod", "hexapod-initial", "tripod", "linkage", "traverser", "arm"]
+)
 def test_every_machine_has_its_home(call, name):
     if name == "arm":
         pytest.importorskip("pinocchio")
     machine = load_machine(name)
     for frame in ("home", "base"):
         found = told(call, name, "--frame", frame)
-        assert [axis["position"] for axis in found["axes"]] == pytest.approx(machine.home_q.tolist(), abs=1e-12)
+        assert [axis["position"] for axis in found["axes"]] == pytest.approx(
+            machine.home_q.tolist(), abs=1e-12
+        )
         assert {axis["pulses"] for axis in found["axes"]} == {0}
         assert found["certified"]
 
 
 def test_units_may_be_said(call):
     inches = told(call, "traverser", "1 in, 2 in, 3 in", "--turn", "0, 0, 0.5 rad")
-    assert [axis["from_home"] for axis in inches["axes"]] == pytest.approx([0.0254, 0.0508, 0.0762, 0.5])
+    assert [axis["from_home"] for axis in inches["axes"]] == pytest.approx(
+        [0.0254, 0.0508, 0.0762, 0.5]
+    )
     assert [axis["pulses"] for axis in inches["axes"][:3]] == [1600, 3200, 4800]
 
 
@@ -90,11 +113,23 @@ def test_units_may_be_said(call):
         ),
         (["tripod", "0,0,5", "--turn", "1,0,0"], 1, "holds rx: pose 0 has rx 1 deg off home"),
         (["hexapod", "5,5,x"], 2, "POSE: "),
-        (["hexapod", "1e30,0,0"], 1, "infeasible: machine hexapod: leg1 would be 1.33e+33 pulses from home"),
+        (
+            ["hexapod", "1e30,0,0"],
+            1,
+            "infeasible: machine hexapod: leg1 would be 1.33e+33 pulses from home",
+        ),
         (["hexapod", ""], 2, 'POSE "": 1 entry'),
         (["hexapod", "5,5,5 kg"], 2, "POSE: "),
-        (["hexapod", "-5,0,35", "--lengths", "1"], 2, "--lengths beside a POSE: give a POSE, or one of --lengths"),
-        (["hexapod", "--lengths", "1", "--counts", "1"], 2, "--lengths and --counts: give a POSE, or one of"),
+        (
+            ["hexapod", "-5,0,35", "--lengths", "1"],
+            2,
+            "--lengths beside a POSE: give a POSE, or one of --lengths",
+        ),
+        (
+            ["hexapod", "--lengths", "1", "--counts", "1"],
+            2,
+            "--lengths and --counts: give a POSE, or one of",
+        ),
         (["hexapod", "--counts", "1,2,3,4,5,6.5"], 2, '"6.5" is not a whole number of pulses'),
     ],
 )
@@ -112,7 +147,9 @@ def test_what_follows_cannot_be_asked_for(call):
 
 
 def test_a_pose_beyond_a_singular_one_keeps_its_limits_and_is_refused(call, tmp_path):
-    """However it is asked for: beyond the line of both rods, the same axes hold the platform another way."""
+    """However it is asked for: beyond the line of both rods, the same axes hold the platform
+    another way.
+    """
     from tests.planner.test_remedies import FIVE_BAR
 
     file = tmp_path / "fivebar.toml"

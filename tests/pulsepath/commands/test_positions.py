@@ -21,7 +21,9 @@ def path(call, tmp_path):
 def poses(call, path):
     done = call("positions", path, "--json")
     assert done.exit_code == 0, done.stderr
-    return [[round(1e3 * value, 9) for value in pose[:3]] for pose in json.loads(done.stdout)["poses"]]
+    return [
+        [round(1e3 * value, 9) for value in pose[:3]] for pose in json.loads(done.stdout)["poses"]
+    ]
 
 
 def test_poses_are_recorded_put_in_and_taken_out(call, path):
@@ -43,7 +45,9 @@ def test_a_part_is_saved_and_run(call, path, tmp_path):
     assert call("positions", path, "save", part).exit_code == 2
     assert call("positions", path, "save", part, "--force").exit_code == 0
     assert len(poses(call, part)) == 3
-    done = call("import", path, "--first", 2, "--last", 3, "--out", tmp_path / "program.toml", "--json")
+    done = call(
+        "import", path, "--first", 2, "--last", 3, "--out", tmp_path / "program.toml", "--json"
+    )
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["segments"] == 2
     assert json.loads(done.stdout)["entities"] == {"poses": 2}
@@ -82,7 +86,9 @@ def test_other_formats_are_shown_but_changed_as_csv(call, tmp_path):
 
 
 def test_a_list_is_saved_as_the_three_armed_machine_has_it(call, path, tmp_path):
-    """Read back in the base frame, within the format's decimals: as the machine's home and the list have it."""
+    """Read back in the base frame, within the format's decimals: as the machine's home and the list
+    have it.
+    """
     call("positions", path, "insert", 1, "1 mm, 2 mm, 3 mm, 10 deg, 20 deg, 30 deg")
     target = tmp_path / "saved.txt"
     assert call("positions", path, "save", target).exit_code == 0
@@ -101,19 +107,29 @@ def test_a_list_of_the_three_armed_machine_asks_for_one(call, path, tmp_path):
     assert done.exit_code == 2
     assert "hexapod is not a tripod" in done.stderr
     assert not (tmp_path / "saved.txt").exists()
-    assert call("positions", path, "save", tmp_path / "saved.csv", "--machine", "tripod").exit_code == 2
+    assert (
+        call("positions", path, "save", tmp_path / "saved.csv", "--machine", "tripod").exit_code
+        == 2
+    )
 
 
-def test_arms_of_turned_poses_are_shown_and_saved_but_never_in_the_machine_s_own_format(call, path, tmp_path):
+def test_arms_of_turned_poses_are_shown_and_saved_but_never_in_the_machine_s_own_format(
+    call, path, tmp_path
+):
     done = call("positions", path, "arms", "--json")
     assert done.exit_code == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["turned"] == [False, True]
     assert found["off_if_held"][0] == 0 < found["off_if_held"][1]
     assert "only simulated" in call("positions", path, "arms").stdout
-    assert "1 rotations combined with a translation were dropped" in call("positions", path, "arms", "--steps").stdout
+    assert (
+        "1 rotations combined with a translation were dropped"
+        in call("positions", path, "arms", "--steps").stdout
+    )
     for suffix, code in ((".csv", 0), (".png", 0), (".txt", 2)):
-        assert call("positions", path, "arms", "--out", tmp_path / f"arms{suffix}").exit_code == code
+        assert (
+            call("positions", path, "arms", "--out", tmp_path / f"arms{suffix}").exit_code == code
+        )
     assert not (tmp_path / "arms.txt").exists()
     assert "give --force" in call("positions", path, "arms", "--out", tmp_path / "arms.csv").stderr
     # and no plan is made of a turned one
@@ -135,7 +151,9 @@ START_UP = [
 
 
 def test_the_sources_start_up_list_is_bundled_and_within_reach(call, tmp_path):
-    """The longest arm is the third at (50, 100, 0): from (−86.60, −150) to (32.68, 70) mm, 250 mm high."""
+    """The longest arm is the third at (50, 100, 0): from (−86.60, −150) to (32.68, 70) mm, 250 mm
+    high.
+    """
     shown = json.loads(call("positions", "tripod-start-up", "--json").stdout)
     listed = np.array(shown["poses"]) * [1e3, 1e3, 1e3, *np.rad2deg([1, 1, 1])]
     np.testing.assert_allclose(listed, START_UP, atol=1e-9)
@@ -150,7 +168,9 @@ def test_the_sources_start_up_list_is_bundled_and_within_reach(call, tmp_path):
 
 
 def test_the_start_up_list_runs_and_is_not_changed(call, tmp_path):
-    """Saved in the source's own format, which its reader takes; the pure rotation at its end is simulated only."""
+    """Saved in the source's own format, which its reader takes; the pure rotation at its end is
+    simulated only.
+    """
     assert call("positions", "tripod-start-up", "save", tmp_path / "Textbar.txt").exit_code == 0
     text = (tmp_path / "Textbar.txt").read_text("ascii").splitlines()
     assert [float(line[14:21]) for line in text if line[:14] == "Polar3_____cey"] == [100]
@@ -160,6 +180,9 @@ def test_the_start_up_list_runs_and_is_not_changed(call, tmp_path):
     assert refused.exit_code == 2
     assert 'is bundled with this package; "save" it as a CSV file first' in refused.stderr
     assert call("positions", "tripod-start-up", "arms").exit_code == 0
-    assert call("positions", "tripod-start-up", "save", tmp_path / "own.csv", "--last", "5").exit_code == 0
+    assert (
+        call("positions", "tripod-start-up", "save", tmp_path / "own.csv", "--last", "5").exit_code
+        == 0
+    )
     checked = call("check", tmp_path / "own.csv", "--machine", "tripod")
     assert checked.exit_code == 0, checked.stderr

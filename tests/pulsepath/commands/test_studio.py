@@ -1,4 +1,6 @@
-"""The command `studio`: the list of plans, two side by side, reports shown again, and planning when a file is saved."""
+"""The command `studio`: the list of plans, two side by side, reports shown again, and planning when
+a file is saved.
+"""
 
 import json
 import os
@@ -45,7 +47,11 @@ def two(directory, tmp_path):
 
 def page_of(studio, *names):
     left, right = {"left": list(names[:1])}, {"right": list(names[1:])}
-    found = studio.answer("/compare", left | right) if names[1:] else studio.answer("/", {"show": list(names)})
+    found = (
+        studio.answer("/compare", left | right)
+        if names[1:]
+        else studio.answer("/", {"show": list(names)})
+    )
     kind, content = found
     assert kind.startswith("text/html")
     return content.decode()
@@ -78,7 +84,9 @@ def test_a_comparison_has_an_address_and_each_frame_the_name_of_its_plan(two):
     url = urlsplit(unescape(search(r'class="beside" href="([^"]*)"', page)[1]))
     assert url.path == "/compare"
     assert parse_qs(url.query) == {"left": ["first"], "right": ["deep/er/second <b>"]}
-    page = Studio(two).answer(url.path, parse_qs(url.query))[1].decode()  # of another studio: nothing is remembered
+    page = (
+        Studio(two).answer(url.path, parse_qs(url.query))[1].decode()
+    )  # of another studio: nothing is remembered
     titles = findall(r'<iframe title="([^"]*)"', page)
     assert titles == ["first: report", "deep/er/second &lt;b&gt;: report"]
     headings = findall(r"<h2><span>([^<]*)</span>", page)
@@ -103,13 +111,18 @@ def find_row(page, label):
 
 
 def test_differences_tell_what_two_plans_were_made_of(two):
-    """Shapers, what was lowered for them, order, objective, files and drive timing are rows of their own."""
+    """Shapers, what was lowered for them, order, objective, files and drive timing are rows of
+    their own.
+    """
     path = two / "deep/er/second <b>/plan.json"
     record = json.loads(path.read_text(encoding="utf-8"))
     leg = {"shapers": [{"kind": "zv", "frequency": 25.0, "damping": 0.05, "tolerance": 0.05}]}
     record["shaping"] = {
         "duration_before_s": 5.0,
-        "cost": {"total_s": 0.02, "lowered": [{"limit": "jerk", "share": 0.9}, {"limit": "jerk", "share": 0.8}]},
+        "cost": {
+            "total_s": 0.02,
+            "lowered": [{"limit": "jerk", "share": 0.9}, {"limit": "jerk", "share": 0.8}],
+        },
         "axes": {"leg1": leg, "leg2": leg, "leg3": {"shapers": []}},
         "limits": {"jerk": {"worst_ratio": 1.0}},
     }
@@ -117,11 +130,21 @@ def test_differences_tell_what_two_plans_were_made_of(two):
     record["request"]["duration_s"] = 20.0
     record["provenance"]["sha256"]["machine"] = "0123456789abcdef"
     for axis in record["pulses"]["axes"].values():
-        axis["drive_needs_s"] = {"high": 1e-6, "low": 1e-6, "setup": 1e-6, "hold": 1e-6, "max_rate": None}
+        axis["drive_needs_s"] = {
+            "high": 1e-6,
+            "low": 1e-6,
+            "setup": 1e-6,
+            "hold": 1e-6,
+            "max_rate": None,
+        }
         axis["lines_s"] = {"high": 2e-6, "low": 3e-6, "setup": 1.5e-6, "hold": 2e-6}
     path.write_text(json.dumps(record), encoding="utf-8")
     page = page_of(Studio(two), "first", "deep/er/second <b>")
-    assert find_row(page, "input shapers") == ["none", "zv 25 Hz, damping 0.05 (leg1, leg2)", "differs"]
+    assert find_row(page, "input shapers") == [
+        "none",
+        "zv 25 Hz, damping 0.05 (leg1, leg2)",
+        "differs",
+    ]
     assert find_row(page, "limits lowered for them") == ["none", "jerk to 80.00 %", "differs"]
     assert find_row(page, "order") == ["3", "2", "differs"]
     assert find_row(page, "objective") == ["time", "a duration of 20 s", "differs"]
@@ -134,7 +157,9 @@ def test_differences_tell_what_two_plans_were_made_of(two):
 
 @needs_browser
 def test_on_a_phone_the_comparison_is_one_thing_at_a_time(two, tmp_path):
-    """No page is wider than the window, and the tab in the address decides which report or the differences fill it."""
+    """No page is wider than the window, and the tab in the address decides which report or the
+    differences fill it.
+    """
     script = """onload = async () => {
       const seen = [], ids = ["left", "right", "differences"], place = id => document.getElementById(id);
       for (const tab of ids) {
@@ -147,7 +172,9 @@ def test_on_a_phone_the_comparison_is_one_thing_at_a_time(two, tmp_path):
       fetch("/said", { method: "POST", body: JSON.stringify(seen) });
     }"""
     page = tmp_path / "narrow.html"
-    text = page_of(Studio(two), "first", "deep/er/second <b>").replace("src=", "data-src=")  # reports are not looked at
+    text = page_of(Studio(two), "first", "deep/er/second <b>").replace(
+        "src=", "data-src="
+    )  # reports are not looked at
     page.write_text(text, encoding="utf-8")
     seen, _ = act_in(tmp_path, page, script, "500,844")  # no window of Chromium is narrower
     for tab, shown, height, beyond in seen:
@@ -171,7 +198,9 @@ def test_a_report_is_given_and_no_other_file(two):
 @pytest.mark.parametrize("lead", ["link", "link to a link", "relative link", "pipe", "endless"])
 @pytest.mark.parametrize("name", ["report.html", "plan.json"])
 def test_no_file_outside_the_folder_is_given(two, tmp_path, lead, name):
-    """Somebody else's folder may have links to any file that its reader can read, and files that never end."""
+    """Somebody else's folder may have links to any file that its reader can read, and files that
+    never end.
+    """
     place, secret = two / "first" / name, tmp_path / "secret"
     secret.write_bytes(place.read_bytes())
     place.unlink()
@@ -181,7 +210,9 @@ def test_no_file_outside_the_folder_is_given(two, tmp_path, lead, name):
         (two / "first/between").symlink_to(secret)
         place.symlink_to("between")
     else:
-        place.symlink_to({"link": secret, "relative link": "../../secret", "endless": "/dev/zero"}[lead])
+        place.symlink_to(
+            {"link": secret, "relative link": "../../secret", "endless": "/dev/zero"}[lead]
+        )
     studio = Studio(two)
     assert studio.answer("/report", {"of": ["first"]}) is None
     assert studio.answer("/report", {"of": ["deep/er/second <b>"]}) is not None
@@ -205,7 +236,9 @@ DAMAGE = {
     "pulses as a list": lambda record: record["pulses"].update(total=[1]),
     "a clock beyond floats": lambda record: record["pulses"].update(clock_hz=10**400),
     "a stated duration beyond floats": lambda record: record["request"].update(duration_s=10**400),
-    "a share beyond floats": lambda record: record.update(lower_bound={"duration_s": 1.0, "gap": 10**400}),
+    "a share beyond floats": lambda record: record.update(
+        lower_bound={"duration_s": 1.0, "gap": 10**400}
+    ),
     "a fit beyond floats": lambda record: record["inputs"].update(fit_m=10**400),
 }
 
@@ -246,12 +279,18 @@ def test_a_browser_that_resets_the_connection_leaves_no_traceback(two, capsys):
     """Before its request is whole, and before the answer has come."""
     with serve_pages(Studio(two).answer) as address:
         port = int(address.rstrip("/").rsplit(":", 1)[1])
-        for request in (b"GET /", b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", b"GET http://[/ HTTP/1.1\r\n\r\n"):
+        for request in (
+            b"GET /",
+            b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+            b"GET http://[/ HTTP/1.1\r\n\r\n",
+        ):
             for _ in range(5):
                 with socket.create_connection(("127.0.0.1", port)) as visitor:
                     visitor.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
                     visitor.sendall(request)
-        assert b" 200 " in ask(address, b"GET / HTTP/1.0\r\nHost: localhost\r\n\r\n").split(b"\r\n")[0]
+        assert (
+            b" 200 " in ask(address, b"GET / HTTP/1.0\r\nHost: localhost\r\n\r\n").split(b"\r\n")[0]
+        )
         time.sleep(0.2)
     assert capsys.readouterr().err == ""
 
@@ -270,11 +309,15 @@ def test_headers_keep_reports_to_themselves(two):
     assert policy == REPORT_POLICY
     rules = [rule.strip() for rule in policy.split(";")]
     assert rules[0] == "sandbox allow-scripts"
-    assert set(rules) >= {rule.strip() for rule in POLICY.split(";")}  # what the player of a report needs
+    assert set(rules) >= {
+        rule.strip() for rule in POLICY.split(";")
+    }  # what the player of a report needs
 
 
 class Visited:
-    """A studio whose pages have scripts of the test; those in its own page say things by asking for /said."""
+    """A studio whose pages have scripts of the test; those in its own page say things by asking for
+    /said.
+    """
 
     def __init__(self, studio, in_studio="", in_report=""):
         self.said, self._studio = Queue(), studio
@@ -322,15 +365,21 @@ def test_the_script_of_a_report_reads_nothing_and_sends_nothing(two, tmp_path):
         (two / "first/report.html").write_text(report, encoding="utf-8")
         visited = Visited(Studio(two), PASS_ON)
         with serve_pages(visited.answer) as address, visit(tmp_path, address + "?show=first"):
-            assert visited.said.get(timeout=60) == "through frame"  # of which nothing is loaded, as is seen next
+            assert (
+                visited.said.get(timeout=60) == "through frame"
+            )  # of which nothing is loaded, as is seen next
     assert elsewhere.empty()
 
 
 @needs_browser
 def test_a_report_reloads_where_it_was_read_and_its_machine_is_drawn(drawn, call, tmp_path):
-    """In the sandbox, too: the player of the machine, and the place when the report is written again."""
+    """In the sandbox, too: the player of the machine, and the place when the report is written
+    again.
+    """
     line = tmp_path / "line.toml"
-    line.write_text('schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n', encoding="utf-8")
+    line.write_text(
+        'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n', encoding="utf-8"
+    )
     out = tmp_path / "plans/line"
     assert call("plan", line, "--machine", "hexapod", "--out", out, "--order", 2).exit_code == 0
     in_report = """
@@ -373,7 +422,9 @@ def test_the_stamp_changes_when_a_plan_is_written_again_and_only_then(two):
 def serving(two):
     """The address at which two plans are served, and the process."""
     command = [sys.executable, "-m", "pulsepath", "studio", str(two), "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         yield process.stdout.readline().strip(), process
         process.kill()
 
@@ -418,7 +469,9 @@ def wait_for(condition, seconds=60.0):
 
 
 def test_a_program_that_is_saved_is_planned_again(tmp_path):
-    """A refusal is shown as it is; what is mended is planned, into the folder of the program's name."""
+    """A refusal is shown as it is; what is mended is planned, into the folder of the program's
+    name.
+    """
     program, folder = tmp_path / "part.toml", tmp_path / "out"
     text = 'schema = 1\nmachine = "{}"\n[[segment]]\nline = {{ to = ["4 mm", "0 mm", "0 mm"] }}\n'
     program.write_text(text.format("nobody"), encoding="utf-8")
@@ -436,7 +489,9 @@ def test_a_program_that_is_saved_is_planned_again(tmp_path):
 def test_the_machine_that_a_program_names_is_watched(tmp_path):
     program, machine = tmp_path / "part.toml", tmp_path / "mine.toml"
     machine.write_text("kind = 1\n", encoding="utf-8")
-    program.write_text('schema = 1\nmachine = "mine.toml"\n[[segment]]\ndwell = "1 s"\n', encoding="utf-8")
+    program.write_text(
+        'schema = 1\nmachine = "mine.toml"\n[[segment]]\ndwell = "1 s"\n', encoding="utf-8"
+    )
     with Replanner(program, None, [], tmp_path / "out") as replanner:
         wait_for(lambda: replanner.refused)
         first = replanner.state

@@ -16,7 +16,9 @@ def test_it_is_the_motion_that_was_planned(call, plan, job):
     record = json.loads(done.stdout)
     assert record == json.loads((plan / "track.json").read_text())
     machine = job.plan.machine
-    expected = evaluate(track(job.plan, machine, find_law("3"), rig=load_rig("hexapod-steppers")), job.plan, machine)
+    expected = evaluate(
+        track(job.plan, machine, find_law("3"), rig=load_rig("hexapod-steppers")), job.plan, machine
+    )
     assert record["rig"] == "hexapod-steppers"
     for series in expected.series:
         found = record["laws"][expected.law][series.name]
@@ -39,15 +41,23 @@ def test_it_prints_a_table_per_law(call, plan):
 def test_a_law_that_closes_no_loop_is_said_to_close_none(call, plan):
     """The bundled steppers have no encoders."""
     closed = call("track", plan, "--law", "6", "--force")
-    assert "No encoder is read on hexapod-steppers: closed-position closes its loop over" in closed.stdout
+    assert (
+        "No encoder is read on hexapod-steppers: closed-position closes its loop over"
+        in closed.stdout
+    )
     assert "No encoder" not in call("track", plan, "--law", "3", "--force").stdout
 
 
 def test_the_rig_that_fits_is_taken_and_named(call, plan):
-    """Without --rig it is said which one it is; on it no law errs by as much as a servo would lag."""
+    """Without --rig it is said which one it is; on it no law errs by as much as a servo would
+    lag.
+    """
     done = call("track", plan)
     assert done.exit_code == 0
-    assert "on rig hexapod-steppers: 6 steppers, card PCI-8132: the bundled rig that fits hexapod" in done.stderr
+    assert (
+        "on rig hexapod-steppers: 6 steppers, card PCI-8132: the bundled rig that fits hexapod"
+        in done.stderr
+    )
     found = json.loads((plan / "track.json").read_text())
     assert (found["rig"], sorted(found["lost_steps"].values())) == ("hexapod-steppers", [0, 0])
     assert len(found["laws"]) == 2
@@ -57,15 +67,34 @@ def test_the_rig_that_fits_is_taken_and_named(call, plan):
 def test_a_machine_of_other_pulses_is_tracked_on_its_own_rig_alone(call, tmp_path):
     """No bundled rig fits it: nothing is made up; a rig file that names it does."""
     preset = (files("kinematics") / "presets" / "hexapod.toml").read_text(encoding="utf-8")
-    (tmp_path / "mine.toml").write_text(preset.replace('pulse = "0.75 um"', 'pulse = "3 um"'), encoding="utf-8")
-    steppers = (files("controllers") / "presets" / "hexapod-steppers.toml").read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(
+        preset.replace('pulse = "0.75 um"', 'pulse = "3 um"'), encoding="utf-8"
+    )
+    steppers = (files("controllers") / "presets" / "hexapod-steppers.toml").read_text(
+        encoding="utf-8"
+    )
     rig = tmp_path / "rig.toml"
-    rig.write_text(steppers.replace('machine = "hexapod"', 'machine = "mine.toml"'), encoding="utf-8")
+    rig.write_text(
+        steppers.replace('machine = "hexapod"', 'machine = "mine.toml"'), encoding="utf-8"
+    )
     out = tmp_path / "out"
-    plan = ("plan", "bare-circle", "--machine", tmp_path / "mine.toml", "--out", out, "--no-figures", "--order", "2")
+    plan = (
+        "plan",
+        "bare-circle",
+        "--machine",
+        tmp_path / "mine.toml",
+        "--out",
+        out,
+        "--no-figures",
+        "--order",
+        "2",
+    )
     refused = call(*plan, "--rig", "hexapod-steppers")
     assert refused.exit_code == 2
-    assert "a pulse of leg1 is 0.75 µm on it and 3 µm on the machine; no bundled rig fits" in refused.stderr
+    assert (
+        "a pulse of leg1 is 0.75 µm on it and 3 µm on the machine; no bundled rig fits"
+        in refused.stderr
+    )
     assert not out.exists()
     assert call(*plan).exit_code == 0
     assert json.loads((out / "plan.json").read_text())["tracking"] is None
@@ -83,7 +112,17 @@ def test_a_machine_of_other_pulses_is_tracked_on_its_own_rig_alone(call, tmp_pat
 
 def test_a_plan_is_tracked_where_it_is_asked_for(call, tmp_path):
     out = tmp_path / "out"
-    done = call("plan", "linkage-line", "--out", out, "--no-figures", "--order", "2", "--rig", "linkage-steppers")
+    done = call(
+        "plan",
+        "linkage-line",
+        "--out",
+        out,
+        "--no-figures",
+        "--order",
+        "2",
+        "--rig",
+        "linkage-steppers",
+    )
     assert done.exit_code == 0
     tracking = json.loads((out / "plan.json").read_text())["tracking"]
     assert tracking["rig"] == "linkage-steppers"

@@ -1,4 +1,6 @@
-"""The command `view`: a page in a file, one that is served, and still images, of the plan that is in a directory."""
+"""The command `view`: a page in a file, one that is served, and still images, of the plan that is
+in a directory.
+"""
 
 import json
 import os
@@ -83,7 +85,9 @@ def test_where_there_is_no_plan_it_says_what_track_says(call, tmp_path):
     assert "holds no plan" in viewed.stderr
 
 
-@pytest.mark.parametrize(("order", "words"), [(4, "order 4 is not known"), (None, "states no order")])
+@pytest.mark.parametrize(
+    ("order", "words"), [(4, "order 4 is not known"), (None, "states no order")]
+)
 def test_a_plan_without_the_order_of_its_limits_is_refused(call, plan, order, words):
     record = json.loads((plan / "plan.json").read_text(encoding="utf-8"))
     record["request"]["order"] = order
@@ -96,8 +100,20 @@ def test_a_plan_without_the_order_of_its_limits_is_refused(call, plan, order, wo
 @pytest.fixture
 def viewing(plan):
     """The address of a page that is served, and the process."""
-    command = [sys.executable, "-m", "pulsepath", "view", str(plan), "--no-browser", "--frames", "2", "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    command = [
+        sys.executable,
+        "-m",
+        "pulsepath",
+        "view",
+        str(plan),
+        "--no-browser",
+        "--frames",
+        "2",
+        "--json",
+    ]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         lines = []
         for line in process.stdout:
             lines.append(line)
@@ -121,7 +137,9 @@ def test_it_is_served_on_loopback_alone_until_ctrl_c(viewing):
             urlopen(request, timeout=10)
         assert refused.value.code == code
         refused.value.close()
-    if sys.platform == "linux":  # where all of 127/8 is this computer: what listens on every address would answer
+    if (
+        sys.platform == "linux"
+    ):  # where all of 127/8 is this computer: what listens on every address would answer
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection(("127.0.0.2", port), timeout=10)
     os.kill(process.pid, signal.SIGINT)

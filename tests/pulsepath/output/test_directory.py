@@ -19,7 +19,10 @@ def break_off(target, end):
 
 
 def tree(folder):
-    return {path.relative_to(folder).as_posix(): path.is_file() and path.read_bytes() for path in folder.rglob("*")}
+    return {
+        path.relative_to(folder).as_posix(): path.is_file() and path.read_bytes()
+        for path in folder.rglob("*")
+    }
 
 
 @pytest.fixture
@@ -89,14 +92,20 @@ def test_force_spares_what_is_not_ours(tmp_path, record):
     if record is not None:
         (folder / "plan.json").write_text(record)
     before = tree(tmp_path)
-    with pytest.raises(MotionError, match="not written by pulsepath"), replace_directory(folder, force=True):
+    with (
+        pytest.raises(MotionError, match="not written by pulsepath"),
+        replace_directory(folder, force=True),
+    ):
         pass
     assert tree(tmp_path) == before
 
 
 def test_a_file_is_never_replaced(tmp_path):
     (tmp_path / "out").write_text("mine")
-    with pytest.raises(MotionError, match="not a directory"), replace_directory(tmp_path / "out", force=True):
+    with (
+        pytest.raises(MotionError, match="not a directory"),
+        replace_directory(tmp_path / "out", force=True),
+    ):
         pass
     assert (tmp_path / "out").read_text() == "mine"
 
@@ -126,7 +135,10 @@ def test_a_failure_at_the_last_step_brings_the_old_one_back(tmp_path, old, monke
         return rename(path, target)
 
     monkeypatch.setattr(type(old), "rename", refusing)
-    with pytest.raises(OSError, match="cannot rename"), replace_directory(old, force=True) as folder:
+    with (
+        pytest.raises(OSError, match="cannot rename"),
+        replace_directory(old, force=True) as folder,
+    ):
         fill(folder, "new")
     monkeypatch.undo()
     assert tree(tmp_path) == before
@@ -144,7 +156,10 @@ def test_a_file_is_written_whole(tmp_path):
 def test_a_file_on_the_way_is_named(tmp_path):
     (tmp_path / "file").touch()
     target = tmp_path / "file" / "a" / "out"
-    with pytest.raises(MotionError, match="file is a file, not a directory"), replace_directory(target, force=False):
+    with (
+        pytest.raises(MotionError, match="file is a file, not a directory"),
+        replace_directory(target, force=False),
+    ):
         pass
     with pytest.raises(MotionError, match="file is a file, not a directory"):
         write_files(target, {"x": b""}, force=False)

@@ -8,8 +8,20 @@ from pulsepath.output.drive_tables import add_close_drives, tabulate_drives
 
 def axis(low, setup, rate, **needs):
     kept = {"high": 2e-6, "low": low, "setup": setup, "hold": None}
-    needed = {"high": 1.9e-6, "low": 1.9e-6, "setup": 0.65e-6, "hold": 0.65e-6, "max_rate": None, **needs}
-    return {"lines_s": kept, "drive_needs_s": needed, "highest_rate_hz": rate, "max_pulse_rate_hz": None}
+    needed = {
+        "high": 1.9e-6,
+        "low": 1.9e-6,
+        "setup": 0.65e-6,
+        "hold": 0.65e-6,
+        "max_rate": None,
+        **needs,
+    }
+    return {
+        "lines_s": kept,
+        "drive_needs_s": needed,
+        "highest_rate_hz": rate,
+        "max_pulse_rate_hz": None,
+    }
 
 
 def first_screen():
@@ -21,7 +33,9 @@ def rows(tables):
 
 
 def test_the_table_has_what_is_kept_and_what_is_needed():
-    (table,) = tabulate_drives({"axes": {"x": axis(10e-6, 5e-3, 80e3), "y": axis(10e-6, 5e-3, 80e3, max_rate=1e5)}})
+    (table,) = tabulate_drives(
+        {"axes": {"x": axis(10e-6, 5e-3, 80e3), "y": axis(10e-6, 5e-3, 80e3, max_rate=1e5)}}
+    )
     cells = {column.name: list(column.values) for column in table.columns}
     assert cells["axis"] == ["x", "y"]
     assert cells["STEP low (µs)"] == ["10 / 1.9"] * 2
@@ -53,4 +67,6 @@ def test_the_first_screen_names_what_is_close(one, told):
 
 def test_the_closest_of_several_is_named():
     both = {"axes": {"x": axis(2.2e-6, 5e-3, 80e3), "y": axis(2.0e-6, 5e-3, 80e3)}}
-    assert rows(add_close_drives(first_screen(), both))["drive timing"].startswith("STEP low of y 2 us")
+    assert rows(add_close_drives(first_screen(), both))["drive timing"].startswith(
+        "STEP low of y 2 us"
+    )

@@ -18,7 +18,9 @@ from pulsepath.inputs import read_inputs
 def test_the_machine_is_the_same(call, tmp_path, machine):
     if machine == "arm":
         pytest.importorskip("pinocchio")
-    assert call("check", "bare-circle", "--machine", machine, "--dump-config", tmp_path).exit_code == 0
+    assert (
+        call("check", "bare-circle", "--machine", machine, "--dump-config", tmp_path).exit_code == 0
+    )
     made, known = load_machine(tmp_path / "machine.toml"), load_machine(machine)
     assert made.axes == known.axes
     assert made.freedom == known.freedom
@@ -45,15 +47,28 @@ def test_the_path_is_the_same(call, tmp_path, program):
     np.testing.assert_allclose(made.breaks, known.breaks, rtol=0, atol=1e-12)
     piece = np.arange(len(made.breaks) - 1)
     middle = (known.breaks[:-1] + known.breaks[1:]) / 2
-    for one, other in zip(made.derivatives(middle, piece), known.derivatives(middle, piece), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * max(1.0, float(np.abs(other).max())))
+    for one, other in zip(
+        made.derivatives(middle, piece), known.derivatives(middle, piece), strict=True
+    ):
+        np.testing.assert_allclose(
+            one, other, rtol=1e-9, atol=1e-9 * max(1.0, float(np.abs(other).max()))
+        )
     text = (tmp_path / "program.toml").read_text()
     assert tomllib.loads(text)["repeat"] == 1
     assert 'join = "stop"' in text or program == "blended"
 
 
 def test_the_options_as_they_come_out(call, tmp_path):
-    done = call("plan", "bare-circle", "--machine", "traverser", "--rule", "floor", "--dump-config", tmp_path / "d")
+    done = call(
+        "plan",
+        "bare-circle",
+        "--machine",
+        "traverser",
+        "--rule",
+        "floor",
+        "--dump-config",
+        tmp_path / "d",
+    )
     assert done.exit_code == 0
     assert tomllib.loads(done.stdout)["options"] == {
         "order": 2,
@@ -63,7 +78,9 @@ def test_the_options_as_they_come_out(call, tmp_path):
         "pulses": "binary",
     }
     given = ["--duration", "9 s", "--pulses", "csv"]
-    told = json.loads(call("plan", "circle", *given, "--dump-config", tmp_path / "e", "--json").stdout)
+    told = json.loads(
+        call("plan", "circle", *given, "--dump-config", tmp_path / "e", "--json").stdout
+    )
     expected = {
         "order": 3,
         "clock-hz": 10_000_000,

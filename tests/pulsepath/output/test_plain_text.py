@@ -1,4 +1,6 @@
-"""Nothing that comes from a file or a path controls the terminal, a page, or what reads the JSON."""
+"""Nothing that comes from a file or a path controls the terminal, a page, or what reads the
+JSON.
+"""
 
 import json
 import re
@@ -64,7 +66,9 @@ CASES = {
 
 @pytest.mark.parametrize("asked", [[], ["--json"]])
 @pytest.mark.parametrize("arguments", CASES.values(), ids=CASES)
-def test_nothing_that_a_command_says_is_obeyed(call, tmp_path, directory, monkeypatch, arguments, asked):
+def test_nothing_that_a_command_says_is_obeyed(
+    call, tmp_path, directory, monkeypatch, arguments, asked
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / f"{HOSTILE}.toml").write_text(LINE)
     (tmp_path / "line.toml").write_text(LINE)

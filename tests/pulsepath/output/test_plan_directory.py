@@ -23,11 +23,23 @@ def test_the_record(directory, job):
     assert record["duration_s"] == job.plan.trajectory.duration <= 1.2630
     classical = record["classical"]
     assert classical["duration_s"] - record["duration_s"] == classical["saved_s"] > 0
-    assert (classical["kind"], classical["leaves_out"]) == ("s-curve", [])  # the one that keeps jerk as well
+    assert (classical["kind"], classical["leaves_out"]) == (
+        "s-curve",
+        [],
+    )  # the one that keeps jerk as well
     assert classical["kinds"]["trapezoid"]["leaves_out"] == ["jerk"]
     assert classical["kinds"]["trapezoid"]["differences"] == ["without jerk"]
     limits = record["certificate"]["limits"]
-    assert set(limits) == {"speed", "acceleration", "jerk", "travel", "tilt", "clearance", "force", "holding force"}
+    assert set(limits) == {
+        "speed",
+        "acceleration",
+        "jerk",
+        "travel",
+        "tilt",
+        "clearance",
+        "force",
+        "holding force",
+    }
     for limit in limits.values():
         assert limit["attained_ratio"] <= limit["worst_ratio"] <= 1 + 1e-6
         assert 0 <= limit["where"]["time_s"] <= record["duration_s"]
@@ -36,7 +48,8 @@ def test_the_record(directory, job):
     assert sum(axis["pulses"] for axis in pulses["axes"].values()) == pulses["total"]
     # the circle closes: every leg ends where it began
     assert {axis["net_count"] for axis in pulses["axes"].values()} == {0}
-    # no leg steps faster than its speed limit, but for the tick to which each of two pulses is rounded
+    # no leg steps faster than its speed limit, but for the tick to which each of two pulses is
+    # rounded
     interval = 0.75e-6 / 20e-3
     assert pulses["check"]["highest_rate_hz"] <= 1 / (interval - 1 / pulses["clock_hz"])
     realised = record["realised"]
@@ -48,7 +61,9 @@ def test_the_record(directory, job):
     assert 1e-6 < realised["errors"]["position"]["max"] < 5e-6
 
 
-def test_nothing_written_tells_where_or_when_it_was_made(drawn, directory, write_plan, job, tmp_path):
+def test_nothing_written_tells_where_or_when_it_was_made(
+    drawn, directory, write_plan, job, tmp_path
+):
     for path in directory.glob("*.*"):
         text = path.read_text(errors="replace")
         assert str(directory.parent) not in text
@@ -56,14 +71,25 @@ def test_nothing_written_tells_where_or_when_it_was_made(drawn, directory, write
     write_plan(job, tmp_path)
     for path in directory.rglob("*"):
         if path.is_file():
-            assert path.read_bytes() == (tmp_path / path.relative_to(directory)).read_bytes(), path.name
+            assert path.read_bytes() == (tmp_path / path.relative_to(directory)).read_bytes(), (
+                path.name
+            )
 
 
 def test_the_trajectory_table(directory, job):
     path = directory / "trajectory.csv"
     header = path.read_text().partition("\n")[0].split(",")
     table = np.loadtxt(path, delimiter=",", skiprows=1)
-    assert header[:8] == ["t [s]", "s [m]", "x [m]", "y [m]", "z [m]", "rx [rad]", "ry [rad]", "rz [rad]"]
+    assert header[:8] == [
+        "t [s]",
+        "s [m]",
+        "x [m]",
+        "y [m]",
+        "z [m]",
+        "rx [rad]",
+        "ry [rad]",
+        "rz [rad]",
+    ]
     assert header[8:12] == ["leg1 q [m]", "leg1 qd [m/s]", "leg1 qdd [m/s^2]", "leg1 qddd [m/s^3]"]
     assert table.shape == (int(np.ceil(job.plan.trajectory.duration / 1e-3)) + 1, len(header))
     t = table[:, 0]
@@ -72,13 +98,17 @@ def test_the_trajectory_table(directory, job):
     # the circle of 15 mm, 25 mm above home, run once
     np.testing.assert_allclose(np.hypot(table[:, 2], table[:, 3]), 15e-3, atol=1e-12)
     np.testing.assert_allclose(table[[0, -1], 1], [0, 2 * np.pi * 15e-3], atol=1e-12)
-    # lengths between joints, from the poses of the same rows; twelve digits of a length of decimetres
+    # lengths between joints, from the poses of the same rows; twelve digits of a length of
+    # decimetres
     pose = RigidTransform.from_components(table[:, 2:5], Rotation.from_euler("XYZ", table[:, 5:8]))
     np.testing.assert_allclose(table[:, 8::4], job.plan.machine.inverse(pose), atol=2e-12)
-    # each column is the slope of the one before: the trapezoidal rule misses by |third derivative| h³/12 a step
+    # each column is the slope of the one before: the trapezoidal rule misses by |third derivative|
+    # h³/12 a step
     h = np.diff(t)[:, None]
     q, qd, qdd = table[:, 8::4], table[:, 9::4], table[:, 10::4]
-    np.testing.assert_allclose(np.diff(q, axis=0), h * (qd[1:] + qd[:-1]) / 2, atol=4.0 * 1e-9 / 12 + 1e-11)
+    np.testing.assert_allclose(
+        np.diff(q, axis=0), h * (qd[1:] + qd[:-1]) / 2, atol=4.0 * 1e-9 / 12 + 1e-11
+    )
     np.testing.assert_allclose(np.diff(qd, axis=0), h * (qdd[1:] + qdd[:-1]) / 2, atol=4.0 * 1e-6)
 
 
@@ -87,7 +117,12 @@ def test_the_edges_are_the_plans_pulses(edges, job):
     start, machine = [axis.start for axis in plan.pulses.axes], plan.machine
     duration = plan.trajectory.duration
     read = read_lines.read(
-        edges / "pulses.csv", 10_000_000, machine.axes, machine.home_q, start=start, duration=duration
+        edges / "pulses.csv",
+        10_000_000,
+        machine.axes,
+        machine.home_q,
+        start=start,
+        duration=duration,
     ).schedule
     assert check(read, plan.trajectory).holds
     assert read.total == plan.pulses.total
@@ -124,21 +159,33 @@ def test_the_certificate_is_of_the_file_of_edges(edges, job):
 def test_the_pulse_file_is_the_plans_schedule_and_the_certificate_is_of_it(directory, edges, job):
     path = directory / "pulses.bin"
     held = read_pulses(path)
-    assert (held.rule, held.duration, held.clock_hz) == ("nearest", job.plan.trajectory.duration, 10_000_000)
+    assert (held.rule, held.duration, held.clock_hz) == (
+        "nearest",
+        job.plan.trajectory.duration,
+        10_000_000,
+    )
     for got, axis in zip(held.axes, job.plan.pulses.axes, strict=True):
         np.testing.assert_array_equal(got.ticks, axis.ticks)
         np.testing.assert_array_equal(got.direction, axis.direction)
-    certificate, other = (json.loads((folder / "certificate.json").read_text()) for folder in (directory, edges))
-    assert (certificate["file"], certificate["sha256"]) == ("pulses.bin", sha256(path.read_bytes()).hexdigest())
+    certificate, other = (
+        json.loads((folder / "certificate.json").read_text()) for folder in (directory, edges)
+    )
+    assert (certificate["file"], certificate["sha256"]) == (
+        "pulses.bin",
+        sha256(path.read_bytes()).hexdigest(),
+    )
     for name, axis in certificate["axes"].items():
-        # a file without lines: what follows from its pulses is what another reader finds on the lines of the other
+        # a file without lines: what follows from its pulses is what another reader finds on the
+        # lines of the other
         assert axis == other["axes"][name]
         assert axis["lines_s"]["high"] == 2e-6
     # 9 bytes a pulse in memory, some 95 as edges
     assert path.stat().st_size < 0.3 * held.total < 0.01 * (edges / "pulses.csv").stat().st_size
 
 
-def test_a_plan_without_a_file_of_pulses_is_proved_and_makes_them_again(write_plan, job, tmp_path, edges):
+def test_a_plan_without_a_file_of_pulses_is_proved_and_makes_them_again(
+    write_plan, job, tmp_path, edges
+):
     write_plan(replace(job, draw=None), tmp_path, "--pulses", "none")
     assert not list(tmp_path.glob("pulses.*"))
     certificate = json.loads((tmp_path / "certificate.json").read_text())
@@ -157,7 +204,9 @@ def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(direct
     (tmp_path / "pulses.bin").unlink()
     assert holds_same_pulses(job.plan.pulses, [pp.load_plan(tmp_path).pulses])
     earlier = replace(job.plan.pulses.axes[0], ticks=job.plan.pulses.axes[0].ticks - 1)
-    binary.write(replace(job.plan.pulses, axes=(earlier, *job.plan.pulses.axes[1:])), tmp_path / "pulses.bin")
+    binary.write(
+        replace(job.plan.pulses, axes=(earlier, *job.plan.pulses.axes[1:])), tmp_path / "pulses.bin"
+    )
     with pytest.raises(MotionError, match=r"pulses\.bin was changed"):
         pp.load_plan(tmp_path)
     # and never from another plan's, were it not told
@@ -175,7 +224,9 @@ def test_a_plan_taken_up_again_fires_by_its_rule(write_plan, job, tmp_path):
     record = json.loads((tmp_path / "plan.json").read_text())["pulses"]
     assert record["rule"] == rule
     assert record["check"] == {**record["check"], "holds": True, "time_error_ticks": 0.0}
-    assert [axis["bound_pulses"] for axis in record["axes"].values()] == [axis.bound for axis in pulses.axes]
+    assert [axis["bound_pulses"] for axis in record["axes"].values()] == [
+        axis.bound for axis in pulses.axes
+    ]
     again = pp.load_plan(tmp_path).pulses
     assert again.rule == rule
     for got, axis in zip(again.axes, pulses.axes, strict=True):

@@ -16,7 +16,11 @@ from pulsepath.requests import InputRequest
 
 LINE = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n'
 COMMANDS = {
-    "plan": (("plan", "line.toml", "--machine", "hexapod", "--no-figures", "--out", "t/out"), "out", "out.kept"),
+    "plan": (
+        ("plan", "line.toml", "--machine", "hexapod", "--no-figures", "--out", "t/out"),
+        "out",
+        "out.kept",
+    ),
     "dump": (("plan", "circle", "--dump-config", "t"), "machine.toml", "machine.kept.toml"),
     "init": (("init", "t"), "program.toml", "program.kept.toml"),
     "import": (("import", "part.nc", "--out", "t/out.toml"), "out.toml", "out.kept.toml"),
@@ -26,17 +30,31 @@ COMMANDS = {
         "out.kept.png",
     ),
     "calibrate": (("calibrate", "hexapod", "cmm", "--out", "t/out"), "out", "out.kept"),
-    "export": (("export", "plan", "--format", "npz", "--out", "t/out.npz"), "out.npz", "out.kept.npz"),
+    "export": (
+        ("export", "plan", "--format", "npz", "--out", "t/out.npz"),
+        "out.npz",
+        "out.kept.npz",
+    ),
     "track": (("track", "plan", "--law", "3"), "../plan/track.json", "../plan/track.kept.json"),
-    "view": (("view", "plan", "--frames", "2", "--html", "t/out.html"), "out.html", "out.kept.html"),
+    "view": (
+        ("view", "plan", "--frames", "2", "--html", "t/out.html"),
+        "out.html",
+        "out.kept.html",
+    ),
     "stills": (("view", "plan", "--stills", "t/out.svg"), "out.svg", "out.kept.svg"),
-    "compare": (("compare", "--law", "1", "--task", "line", "--out", "t"), "compare.json", "compare.kept.json"),
+    "compare": (
+        ("compare", "--law", "1", "--task", "line", "--out", "t"),
+        "compare.json",
+        "compare.kept.json",
+    ),
     "positions": (("positions", "poses.csv", "save", "t/out.csv"), "out.csv", "out.kept.csv"),
 }
 
 
 @pytest.mark.parametrize(("arguments", "place", "kept"), COMMANDS.values(), ids=COMMANDS)
-def test_what_comes_meanwhile_stays(tmp_path, call, corner, directory, monkeypatch, arguments, place, kept):
+def test_what_comes_meanwhile_stays(
+    tmp_path, call, corner, directory, monkeypatch, arguments, place, kept
+):
     there = tmp_path / "t"
     there.mkdir()
     shutil.copytree(directory if arguments[0] == "track" else corner, tmp_path / "plan")
@@ -81,7 +99,9 @@ def test_force_replaces_what_was_there_alone(tmp_path, come):
                 out.write_text("thesis")
                 return
             out.mkdir()
-            fill(out, "another") if come == "another plan" else (out / "thesis").write_text("thesis")
+            fill(out, "another") if come == "another plan" else (out / "thesis").write_text(
+                "thesis"
+            )
 
     with pytest.raises(MotionError, match=r"is left as it is; the result is kept in .*out\.kept"):
         replace()
@@ -113,10 +133,23 @@ def test_a_plan_that_another_run_finishes_meanwhile_stays(tmp_path, force):
 @pytest.mark.parametrize("way", ["--stream", "--whole"])
 @pytest.mark.parametrize("when", ["reading", "planning"])
 @pytest.mark.parametrize("come", ["file", "plan"])
-def test_plan_with_force_leaves_what_comes_while_it_runs(tmp_path, call, monkeypatch, way, when, come):
+def test_plan_with_force_leaves_what_comes_while_it_runs(
+    tmp_path, call, monkeypatch, way, when, come
+):
     out, line = tmp_path / "out", tmp_path / "line.toml"
     line.write_text(LINE)
-    asked = ("plan", line, "--machine", "hexapod", "--no-figures", "--no-baselines", "--order", "2", "--force", way)
+    asked = (
+        "plan",
+        line,
+        "--machine",
+        "hexapod",
+        "--no-figures",
+        "--no-baselines",
+        "--order",
+        "2",
+        "--force",
+        way,
+    )
     assert call(*asked, "--out", out).exit_code == 0
 
     def interfere(do):
@@ -133,12 +166,17 @@ def test_plan_with_force_leaves_what_comes_while_it_runs(tmp_path, call, monkeyp
 
     module, name = {
         "reading": (InputRequest, "read"),
-        "planning": (pulsepath.parts_job, "make_parts") if way == "--stream" else (pulsepath.job, "make_plan"),
+        "planning": (pulsepath.parts_job, "make_parts")
+        if way == "--stream"
+        else (pulsepath.job, "make_plan"),
     }[when]
     monkeypatch.setattr(module, name, interfere(getattr(module, name)))
     done = call(*asked, "--out", out)
     assert done.exit_code == 2, done.stderr
-    assert "was changed or replaced while this ran, and is left as it is; the result is kept in" in done.stderr
+    assert (
+        "was changed or replaced while this ran, and is left as it is; the result is kept in"
+        in done.stderr
+    )
     left = out / ("thesis.txt" if come == "file" else "plan.json")
     assert left.read_text() == "mine" if come == "file" else "another" in left.read_text()
     assert (tmp_path / "out.kept" / "motion.bin").exists()
@@ -150,14 +188,27 @@ def test_plan_with_force_leaves_what_comes_while_it_runs(tmp_path, call, monkeyp
     [
         (("hold", "plan", "--at", "40 %", "--format", "npz", "--out", "a.npz"), ["a.npz"]),
         (
-            ("hold", "plan", "--at", "40 %", "--format", "npz", "--out", "a.npz", "--resume", "b.npz"),
+            (
+                "hold",
+                "plan",
+                "--at",
+                "40 %",
+                "--format",
+                "npz",
+                "--out",
+                "a.npz",
+                "--resume",
+                "b.npz",
+            ),
             ["b.npz"],
         ),
         (("hold", "plan", "--stops", "1", "--out", "a.csv"), ["a.csv"]),
     ],
     ids=["stop", "way on", "table"],
 )
-def test_sections_replace_no_file_that_comes_while_they_are_made(tmp_path, call, corner, monkeypatch, arguments, names):
+def test_sections_replace_no_file_that_comes_while_they_are_made(
+    tmp_path, call, corner, monkeypatch, arguments, names
+):
     shutil.copytree(corner, tmp_path / "plan")
     monkeypatch.chdir(tmp_path)
 

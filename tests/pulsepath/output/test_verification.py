@@ -46,7 +46,8 @@ def forge(folder, **changed):
 
 
 @pytest.mark.parametrize(
-    "command", [("export", "--format", "g93"), ("view", "--html", "x.html"), ("track", "--law", "3")]
+    "command",
+    [("export", "--format", "g93"), ("view", "--html", "x.html"), ("track", "--law", "3")],
 )
 def test_a_changed_motion_is_refused(call, plan, tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
@@ -90,7 +91,9 @@ def test_a_motion_that_jumps_is_refused(plan, name):
 def test_a_changed_record_is_refused(plan, key):
     path = plan / "plan.json"
     record = json.loads(path.read_text())
-    path.write_text(json.dumps(record | {key: {"duration_s": 0.1, "order": 2, "program": "another"}[key]}))
+    path.write_text(
+        json.dumps(record | {key: {"duration_s": 0.1, "order": 2, "program": "another"}[key]})
+    )
     with pytest.raises(MotionError, match=r"plan\.json was changed after it was written"):
         pp.load_plan(plan)
     if key == "duration_s":
@@ -128,8 +131,15 @@ def test_every_file_counts(directory, tmp_path):
 
 
 def test_an_arms_own_file_counts(call, tmp_path):
-    (tmp_path / "p.toml").write_text('schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [1, 0, 1] }\n')
-    assert call("plan", tmp_path / "p.toml", "--machine", "arm", "--no-figures", "--out", tmp_path / "o").exit_code == 0
+    (tmp_path / "p.toml").write_text(
+        'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [1, 0, 1] }\n'
+    )
+    assert (
+        call(
+            "plan", tmp_path / "p.toml", "--machine", "arm", "--no-figures", "--out", tmp_path / "o"
+        ).exit_code
+        == 0
+    )
     urdf = tmp_path / "o" / "arm.urdf"
     urdf.write_text(urdf.read_text().replace("<mass value=", "<mass  value=", 1))
     done = call("export", tmp_path / "o", "--format", "ros")
@@ -260,11 +270,17 @@ def test_forged_pulses_are_found(call, plan, job, change, told):
 
 def test_the_digest_of_pulses_is_of_each_axis_wherever_they_are_cut(job, tmp_path):
     pulses = job.plan.pulses
-    each = [sha256(array.tobytes()).digest() for axis in pulses.axes for array in (axis.ticks, axis.direction)]
+    each = [
+        sha256(array.tobytes()).digest()
+        for axis in pulses.axes
+        for array in (axis.ticks, axis.direction)
+    ]
     binary.write(pulses, tmp_path / "p.bin", part=777)
     assert verification.digest_pulses([pulses]) == sha256(b"".join(each)).hexdigest()
-    assert verification.digest_pulses(pp.open_pulses(tmp_path / "p.bin").parts()) == verification.digest_pulses(
-        [pulses]
+    assert verification.digest_pulses(
+        pp.open_pulses(tmp_path / "p.bin").parts()
+    ) == verification.digest_pulses([pulses])
+    moved = replace(
+        pulses, axes=(replace(pulses.axes[0], ticks=pulses.axes[0].ticks + 1), *pulses.axes[1:])
     )
-    moved = replace(pulses, axes=(replace(pulses.axes[0], ticks=pulses.axes[0].ticks + 1), *pulses.axes[1:]))
     assert verification.digest_pulses([moved]) != verification.digest_pulses([pulses])

@@ -1,4 +1,6 @@
-"""Ctrl-C, or a request to end, at any moment: nothing is left that is not whole, and that is told."""
+"""Ctrl-C, or a request to end, at any moment: nothing is left that is not whole, and that is
+told.
+"""
 
 import os
 import random
@@ -13,7 +15,9 @@ import pytest
 
 from pulsepath.process.ending import GRACE_PERIOD, REPEAT_TIME
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process there cannot be sent these signals")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="a process there cannot be sent these signals"
+)
 
 PLAN = ("plan", "bare-circle", "--order", "2", "--out", "there/out")
 MOMENTS = {
@@ -22,14 +26,23 @@ MOMENTS = {
     "plan, the report": (PLAN, "writing the report", "out"),
     "import": (("import", "part.nc", "--out", "there/out.toml"), "reading", "out.toml"),
     "calibrate": (("calibrate", "hexapod", "cmm", "--out", "there/out"), "identifying", "out"),
-    "export": (("export", "plan", "--format", "vcd", "--out", "there/out.vcd"), "reading pulses", "out.vcd"),
+    "export": (
+        ("export", "plan", "--format", "vcd", "--out", "there/out.vcd"),
+        "reading pulses",
+        "out.vcd",
+    ),
     "track": (("track", "there", "--law", "3"), "tracking", "track.json"),
-    "compare": (("compare", "--law", "6", "--task", "line", "--out", "there"), "running", "compare.json"),
+    "compare": (
+        ("compare", "--law", "6", "--task", "line", "--out", "there"),
+        "running",
+        "compare.json",
+    ),
 }
 
 
 def interrupted(folder, arguments, moment, number=signal.SIGINT, again=False):
-    """Exit code and stderr of a command to which a signal is sent once it says that it begins something.
+    """Exit code and stderr of a command to which a signal is sent once it says that it begins
+    something.
 
     moment  None: as soon as the command line has loaded
     """
@@ -41,9 +54,12 @@ def interrupted(folder, arguments, moment, number=signal.SIGINT, again=False):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
+        # a shell's background job ignores it
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
-    begun = "numpy" if moment is None else moment  # the first that a command loads, after the command line itself
+    begun = (
+        "numpy" if moment is None else moment
+    )  # the first that a command loads, after the command line itself
     seen = ""
     for line in process.stderr:
         seen += line
@@ -70,13 +86,17 @@ def test_nothing_is_written_and_that_is_said(tmp_path, directory, arguments, mom
         there.mkdir()
     if arguments[0] == "export":
         (tmp_path / "plan").symlink_to(directory)
-    (tmp_path / "part.nc").write_text("G21 G90\n" + "".join(f"G1 X{n % 7} Y{n % 11} F600\n" for n in range(30_000)))
+    (tmp_path / "part.nc").write_text(
+        "G21 G90\n" + "".join(f"G1 X{n % 7} Y{n % 11} F600\n" for n in range(30_000))
+    )
     before = names(there)
     again = moment is None or "report" in moment or "identifying" in moment
     code, told = interrupted(tmp_path, arguments, moment, again=again)
     assert code == 130
     assert "Traceback" not in told
-    said = [line for line in told.splitlines() if not line.startswith("import time:")]  # processes beside it say too
+    said = [
+        line for line in told.splitlines() if not line.startswith("import time:")
+    ]  # processes beside it say too
     assert f"interrupted: nothing was written to there/{target}" in said[-1]
     after = names(there)
     if arguments[0] == "compare":  # what was run is kept, and is said to be
@@ -103,7 +123,9 @@ def test_what_was_there_before_stays_and_that_is_said(tmp_path, directory):
     before = {path.name: path.stat().st_mtime_ns for path in (there / "out").iterdir()}
     code, told = interrupted(tmp_path, (*PLAN, "--force"), "writing the report", signal.SIGTERM)
     assert code == 143
-    assert told.splitlines()[-1] == "interrupted: nothing was written to there/out, which is unchanged"
+    assert (
+        told.splitlines()[-1] == "interrupted: nothing was written to there/out, which is unchanged"
+    )
     assert names(there) == ["out"]
     assert {path.name: path.stat().st_mtime_ns for path in (there / "out").iterdir()} == before
 
@@ -114,7 +136,9 @@ def test_after_it_is_written_that_is_said(call, tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("pulsepath.output.tables.sum_up", come)
-    monkeypatch.setattr("benchmarks.reports.plan_report.write_report", lambda report, page: page.write_text(""))
+    monkeypatch.setattr(
+        "benchmarks.reports.plan_report.write_report", lambda report, page: page.write_text("")
+    )
     done = call("plan", "bare-circle", "--out", tmp_path / "o")
     assert done.exit_code == 130
     assert done.stderr.splitlines()[-1] == f"interrupted, after {tmp_path / 'o'} had been written"
@@ -170,7 +194,9 @@ def start(folder, work, before="pass", **more):
 
 
 def end(process, *numbers, pause=0.5):
-    """Return stderr and the seconds from the first signal until no process holds the streams any more."""
+    """Return stderr and the seconds from the first signal until no process holds the streams any
+    more.
+    """
     begin = time.monotonic()
     for number in numbers:
         process.send_signal(number)
@@ -376,8 +402,11 @@ def test_signals_at_random_instants(tmp_path, arguments, longest, numbers):
         assert time.monotonic() - begin < 2
         said = process.communicate(timeout=60)[1]  # when no process holds it any more
         assert "Traceback" not in said
-        # before the commands have loaded, the system itself ends the process; a complete command ends as it would
-        complete = code == 0 and (arguments[0] != "plan" or (there / "a" / "out" / "plan.json").exists())
+        # before the commands have loaded, the system itself ends the process; a complete command
+        # ends as it would
+        complete = code == 0 and (
+            arguments[0] != "plan" or (there / "a" / "out" / "plan.json").exists()
+        )
         assert code in (128 + number, -number) or done or complete
         assert not list(there.rglob("*.staged"))
         if arguments[0] == "plan" and code:

@@ -56,18 +56,27 @@ def test_a_console_whose_replies_cannot_be_written_says_so(tmp_path):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason=f"{FULL} of Linux")
-@pytest.mark.parametrize("arguments", [["--version"], ["check", "none.toml", "--json"], ["rules", "--nope"]])
+@pytest.mark.parametrize(
+    "arguments", [["--version"], ["check", "none.toml", "--json"], ["rules", "--nope"]]
+)
 def test_where_both_streams_are_full_the_code_is_right(arguments):
     with FULL.open("w") as full:
-        done = subprocess.run([sys.executable, "-m", "pulsepath", *arguments], stdout=full, stderr=full, check=False)
+        done = subprocess.run(
+            [sys.executable, "-m", "pulsepath", *arguments], stdout=full, stderr=full, check=False
+        )
     assert done.returncode == 2
 
 
-@pytest.mark.parametrize("arguments", [["--version"], ["rules"], ["rules", "--json"], ["rules", "--nope", "--json"]])
+@pytest.mark.parametrize(
+    "arguments", [["--version"], ["rules"], ["rules", "--json"], ["rules", "--nope", "--json"]]
+)
 def test_a_reader_that_has_left_is_no_error(arguments):
     """The pipe's reading end is closed before anything is written."""
     with subprocess.Popen(
-        [sys.executable, "-m", "pulsepath", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "pulsepath", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as run:
         run.stdout.close()
         said = run.stderr.read()
@@ -78,7 +87,9 @@ def test_a_reader_that_has_left_is_no_error(arguments):
 
 @contextmanager
 def small_files(most):
-    """Within, no file grows beyond so many bytes: the system refuses to write, as on a full disk."""
+    """Within, no file grows beyond so many bytes: the system refuses to write, as on a full
+    disk.
+    """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
     try:
@@ -87,7 +98,18 @@ def small_files(most):
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-PLAN = ("plan", "line.toml", "--machine", "hexapod", "--order", "2", "--no-figures", "--no-baselines", "--out", "out")
+PLAN = (
+    "plan",
+    "line.toml",
+    "--machine",
+    "hexapod",
+    "--order",
+    "2",
+    "--no-figures",
+    "--no-baselines",
+    "--out",
+    "out",
+)
 WRITING = {
     "plan": (PLAN, "out/motion.bin", 4096),
     "plan, the program": (PLAN, "out/program.toml", 10),
@@ -101,20 +123,38 @@ WRITING = {
     "stills, svg": (("view", "plan", "--stills", "out.svg"), "out.svg", 4096),
     "view": (("view", "plan", "--frames", "2", "--html", "out.html"), "out.html", 4096),
     "export, npz": (("export", "plan", "--format", "npz", "--out", "out.npz"), "out.npz", 4096),
-    "export, binary": (("export", "plan", "--format", "binary", "--out", "out.bin"), "out.bin", 500),
-    "export, pulses": (("export", "plan", "--format", "pulses", "--out", "out.csv"), "out.csv", 4096),
+    "export, binary": (
+        ("export", "plan", "--format", "binary", "--out", "out.bin"),
+        "out.bin",
+        500,
+    ),
+    "export, pulses": (
+        ("export", "plan", "--format", "pulses", "--out", "out.csv"),
+        "out.csv",
+        4096,
+    ),
     "export, steps": (("export", "plan", "--format", "steps", "--out", "out.txt"), "out.txt", 100),
-    "hold": (("hold", "plan", "--at", "40 %", "--format", "npz", "--out", "out.npz"), "out.npz", 100),
+    "hold": (
+        ("hold", "plan", "--at", "40 %", "--format", "npz", "--out", "out.npz"),
+        "out.npz",
+        100,
+    ),
     "stops": (("hold", "plan", "--stops", "1", "--out", "out.csv"), "out.csv", 10),
     "import": (("import", "part.nc", "--out", "out.toml"), "out.toml", 10),
-    "import, the figure": (("import", "part.nc", "--out", "out.toml", "--figure", "out.png"), "out.png", 4096),
+    "import, the figure": (
+        ("import", "part.nc", "--out", "out.toml", "--figure", "out.png"),
+        "out.png",
+        4096,
+    ),
     "init": (("init", "out"), "out/machine.toml", 10),
     "positions": (("positions", "poses.csv", "save", "out.csv"), "out.csv", 10),
 }
 
 
 @pytest.mark.parametrize(("arguments", "place", "most"), WRITING.values(), ids=WRITING)
-def test_a_file_that_cannot_be_written_is_named(tmp_path, call, corner, monkeypatch, arguments, place, most):
+def test_a_file_that_cannot_be_written_is_named(
+    tmp_path, call, corner, monkeypatch, arguments, place, most
+):
     shutil.copytree(corner, tmp_path / "plan")
     (tmp_path / "line.toml").write_text(LINE)
     (tmp_path / "part.nc").write_text("G21 G90\nG1 X5 F600\nX0\n")

@@ -1,4 +1,6 @@
-"""Killed at any moment, a command leaves its whole result or none, and the next run clears what is left beside it."""
+"""Killed at any moment, a command leaves its whole result or none, and the next run clears what is
+left beside it.
+"""
 
 import json
 import random
@@ -17,7 +19,9 @@ from planner import read_pulses
 from planner.export.formats import npz
 from pulsepath.output.directory import KIND, replace_directory
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="nothing there tells the dead from the living")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="nothing there tells the dead from the living"
+)
 
 REPLACING = f"""
 import json, sys
@@ -32,11 +36,15 @@ for number in range(100_000):
 
 
 def start(*arguments):
-    return subprocess.Popen([sys.executable, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    return subprocess.Popen(
+        [sys.executable, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
 
 
 def kill_when(process, there, pattern, then):
-    """Kill a process a while after it made a file of this pattern in a folder: by then it may be done."""
+    """Kill a process a while after it made a file of this pattern in a folder: by then it may be
+    done.
+    """
     end = time.monotonic() + 60
     while process.poll() is None and not any(there.glob(pattern)) and time.monotonic() < end:
         time.sleep(0.001)
@@ -125,7 +133,11 @@ def test_the_next_run_clears_what_is_left_of_another_target(tmp_path):
 
 @pytest.mark.parametrize(
     ("made", "earlier", "way"),
-    [("pulses.bin", False, "--whole"), ("report.html", True, "--whole"), ("motion.bin", True, "--stream")],
+    [
+        ("pulses.bin", False, "--whole"),
+        ("report.html", True, "--whole"),
+        ("motion.bin", True, "--stream"),
+    ],
 )
 def test_plan_killed_in_the_midst(tmp_path, directory, made, earlier, way):
     program, out = tmp_path / "line.toml", tmp_path / "plans" / "out"
@@ -133,8 +145,12 @@ def test_plan_killed_in_the_midst(tmp_path, directory, made, earlier, way):
     out.parent.mkdir()
     if earlier:
         shutil.copytree(directory, out)
-    process = start("-m", "pulsepath", "plan", program, "--machine", "hexapod", way, "--out", out, "--force")
-    kill_when(process, out.parent, f".out-*.staged/new/{made}", random.Random(made).uniform(0, 0.05))
+    process = start(
+        "-m", "pulsepath", "plan", program, "--machine", "hexapod", way, "--out", out, "--force"
+    )
+    kill_when(
+        process, out.parent, f".out-*.staged/new/{made}", random.Random(made).uniform(0, 0.05)
+    )
     whole = out.exists()
     assert whole >= earlier
     if whole:
@@ -150,8 +166,25 @@ def test_export_killed_in_the_midst(tmp_path, directory, job, earlier):
     out.parent.mkdir()
     if earlier:
         npz.write(job.plan.pulses, out)
-    process = start("-m", "pulsepath", "export", directory, "--format", "npz", "--part", "3", "--out", out, "--force")
-    kill_when(process, out.parent, ".pulses.npz-*.staged/new/pulses.npz", random.Random(earlier).uniform(0, 0.2))
+    process = start(
+        "-m",
+        "pulsepath",
+        "export",
+        directory,
+        "--format",
+        "npz",
+        "--part",
+        "3",
+        "--out",
+        out,
+        "--force",
+    )
+    kill_when(
+        process,
+        out.parent,
+        ".pulses.npz-*.staged/new/pulses.npz",
+        random.Random(earlier).uniform(0, 0.2),
+    )
     whole = out.exists()
     assert whole >= earlier
     if whole:

@@ -1,4 +1,6 @@
-"""Comparisons and the gain report: what they say of runs whose numbers are known, and the page in a browser."""
+"""Comparisons and the gain report: what they say of runs whose numbers are known, and the page in a
+browser.
+"""
 
 import csv
 import json
@@ -11,7 +13,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.reports.gain import SettingEntry, compare, describe_unjudged, judge, read_condition, verdict_of
+from benchmarks.reports.gain import (
+    SettingEntry,
+    compare,
+    describe_unjudged,
+    judge,
+    read_condition,
+    verdict_of,
+)
 from benchmarks.reports.gain.courses import fit_circle, iso_block, path_offsets
 from benchmarks.reports.gain.criteria import format_unit, number
 from benchmarks.reports.gain.gain_report import comparison_record, gain_report, runs_csv
@@ -67,7 +76,9 @@ def test_a_mark_needs_every_rig(tmp_path):
 
 def test_a_path_that_a_law_stays_on_by_its_geometry_ranks_nothing(tmp_path, undrawn):
     """Rounding errors of one law are no merit: without the path the other is the best."""
-    store = saved(tmp_path / "runs", tasks=("there", "axes"), errors={BASE: 100e-6, GOOD: 90e-6, WORSE: 95e-6})
+    store = saved(
+        tmp_path / "runs", tasks=("there", "axes"), errors={BASE: 100e-6, GOOD: 90e-6, WORSE: 95e-6}
+    )
     noise = {
         key: replace(of, figures={**of.figures, "contour_rms": 9e-16, "contour_max": 2e-15})
         if (of.cell.setting, of.cell.task) == (WORSE, "axes")
@@ -92,8 +103,14 @@ def test_a_path_that_a_law_stays_on_by_its_geometry_ranks_nothing(tmp_path, undr
 
 @pytest.mark.parametrize("how", ["failed", "unstable", "not run", "off its goal"])
 def test_a_path_that_is_not_ranked_strikes_out_nothing(tmp_path, how):
-    """Where one law stays on the path by its geometry, another may fail there and still be the best elsewhere."""
-    store = saved(tmp_path / "runs", tasks=("there", "axes"), errors={BASE: 100e-6, GOOD: 40e-6, SAME: 100.2e-6})
+    """Where one law stays on the path by its geometry, another may fail there and still be the best
+    elsewhere.
+    """
+    store = saved(
+        tmp_path / "runs",
+        tasks=("there", "axes"),
+        errors={BASE: 100e-6, GOOD: 40e-6, SAME: 100.2e-6},
+    )
     noise = {"contour_rms": 9e-16, "contour_max": 2e-15}
     runs = {}
     for key, one in store.results.items():
@@ -119,7 +136,9 @@ def test_a_run_that_never_leaves_its_start_is_unstable_and_hides_no_path(tmp_pat
     """It is on the path all the time, and not where it should be."""
     store = saved(tmp_path / "runs", errors={BASE: 100e-6, GOOD: 40e-6, WILD: 0.0})
     stuck = {
-        key: replace(of, figures={**of.figures, "tracking_rms": 0.1}) if of.cell.setting == WILD else of
+        key: replace(of, figures={**of.figures, "tracking_rms": 0.1})
+        if of.cell.setting == WILD
+        else of
         for key, of in store.results.items()
     }
     found = compare([replace(store, results=stuck)])
@@ -129,7 +148,9 @@ def test_a_run_that_never_leaves_its_start_is_unstable_and_hides_no_path(tmp_pat
 
 
 def test_stability_does_not_hang_on_the_baseline(runs):
-    """The diagonal of the circle's box is 0.28 m: an RMS tracking error of 45 mm is more than a tenth of it."""
+    """The diagonal of the circle's box is 0.28 m: an RMS tracking error of 45 mm is more than a
+    tenth of it.
+    """
     for baseline in ("6:gain=0.7", "6:gain=0.3", "6:gain=1.2"):
         found = compare([runs], baseline)
         held = {entry.setting: found.row(entry, "there").stable for entry in found.entries}
@@ -179,7 +200,9 @@ def test_a_baseline_that_nothing_beats_stays_the_best(runs):
     verdict = verdict_of(compare([runs], "6:gain=0.3"))
     assert verdict.ratio > 1
     assert "remains the best" in verdict.text
-    with pytest.raises(MotionError, match=r"baseline closed-position:gain=0\.4 is not among the runs"):
+    with pytest.raises(
+        MotionError, match=r"baseline closed-position:gain=0\.4 is not among the runs"
+    ):
         compare([runs], "6:gain=0.4")
 
 
@@ -216,19 +239,35 @@ def test_conditions_hold_or_not_on_both_paths(comparison, text, met):
 
 @pytest.mark.parametrize(
     "text",
-    ["contur_rms > 1x", "contour_rms > 1 s", "torque_peak.c > 0.5", "late > 3 mm", "late > 3", "contour_max > 250"],
+    [
+        "contur_rms > 1x",
+        "contour_rms > 1 s",
+        "torque_peak.c > 0.5",
+        "late > 3 mm",
+        "late > 3",
+        "contour_max > 250",
+    ],
 )
 def test_names_and_units_are_known_before_any_run(runs, text):
     with pytest.raises(MotionError):
         read_condition(text).check(runs.record)
-    for right in ("contour_rms > 1x", "contour_rms > 1 mm", "torque_peak.a > 0.5", "following_max.b > 1 deg"):
+    for right in (
+        "contour_rms > 1x",
+        "contour_rms > 1 mm",
+        "torque_peak.a > 0.5",
+        "following_max.b > 1 deg",
+    ):
         read_condition(right).check(runs.record)
 
 
 def test_what_is_no_difference_to_the_verdict_fails_no_condition(comparison):
-    """Being late by less than 10 ms counts as 10 ms, and torque below 1 % as 1 %, as in the criteria."""
+    """Being late by less than 10 ms counts as 10 ms, and torque below 1 % as 1 %, as in the
+    criteria.
+    """
     about = comparison.criteria_of("there")
-    late, effort, shaken = (read_condition(f"{name} > 1.1x") for name in ("late", "torque_rms", "torque_peak"))
+    late, effort, shaken = (
+        read_condition(f"{name} > 1.1x") for name in ("late", "torque_rms", "torque_peak")
+    )
     own = [SimpleNamespace(figures={"late": 9e-3, "torque_rms": 9e-3, "torque_peak": 9e-3})]
     base = [SimpleNamespace(figures={"late": 1e-3, "torque_rms": 1e-3, "torque_peak": 1e-3})]
     assert late._means(own, base, about) == pytest.approx((0.01, 0.01))
@@ -259,24 +298,38 @@ def test_the_page_says_what_conditions_judged(comparison, undrawn):
 def test_the_best_settings_and_laws_have_their_errors_in_micrometres(tmp_path, undrawn):
     """RMS on the rig as stated and the largest of any run, as the rows behind them have it."""
     comparison = compare(
-        [saved(tmp_path / "runs", errors={BASE: 1e-4, GOOD: 4e-5, Setting("open-velocity", ()): 8e-5})]
+        [
+            saved(
+                tmp_path / "runs",
+                errors={BASE: 1e-4, GOOD: 4e-5, Setting("open-velocity", ()): 8e-5},
+            )
+        ]
     )
     _, page = gain_report(comparison)
     best = verdict_of(comparison).best
     rms = sorted(comparison.row(best, task).figures["contour_rms"] for task in comparison.ranked)
-    most = max(run.figures["contour_max"] for task in comparison.ranked for run in comparison.runs(best, task))
+    most = max(
+        run.figures["contour_max"]
+        for task in comparison.ranked
+        for run in comparison.runs(best, task)
+    )
     for title in ("best", "laws"):
         table = page.split(f'<h2 id="{title}">')[1].split("</table>")[0]
         row = next(row for row in table.split("<tr") if comparison.label(best) in row)
         cells = re.findall(r'data-label="contour (?:RMS|max) \(µm\)">([^<]*)<', row)
         ends = cells[0].split("…")
-        assert [float(ends[0]), float(ends[-1])] == pytest.approx([1e6 * rms[0], 1e6 * rms[-1]], rel=5e-3)
+        assert [float(ends[0]), float(ends[-1])] == pytest.approx(
+            [1e6 * rms[0], 1e6 * rms[-1]], rel=5e-3
+        )
         assert float(cells[1]) == pytest.approx(1e6 * most, rel=5e-3)
 
 
 def test_a_quantity_is_judged_where_the_error_is_of_its_kind(runs):
     """A path in angles does not keep a length from being judged on the others, and is named."""
-    record = {**runs.record, "tasks": {name: dict(task) for name, task in runs.record["tasks"].items()}}
+    record = {
+        **runs.record,
+        "tasks": {name: dict(task) for name, task in runs.record["tasks"].items()},
+    }
     record["tasks"]["back"]["unit"] = "rad"
     mixed = replace(runs, record=record)
     condition = read_condition("contour_max > 1 um")
@@ -339,23 +392,36 @@ def seeded(folder, errors):
 
 
 def test_repeatability_is_of_seeds_on_one_rig(tmp_path):
-    """Offsets of 100, 110, 90, 120 and 80 µm along the ray: mean 100 µm, l = 0, 10, 10, 20 and 20 µm."""
+    """Offsets of 100, 110, 90, 120 and 80 µm along the ray: mean 100 µm, l = 0, 10, 10, 20 and 20
+    µm.
+    """
     found = compare([seeded(tmp_path / "runs", [100e-6, 110e-6, 90e-6, 120e-6, 80e-6])])
-    row = next(row for row in iso_block(found, [SettingEntry(0, BASE)]).lines if row.path == "there")
+    row = next(
+        row for row in iso_block(found, [SettingEntry(0, BASE)]).lines if row.path == "there"
+    )
     away = np.array([0, 10, 10, 20, 20]) * 1e-6
-    assert row.values["path repeatability RT"] == pytest.approx(away.mean() + 3 * away.std(ddof=1), abs=2e-7)
+    assert row.values["path repeatability RT"] == pytest.approx(
+        away.mean() + 3 * away.std(ddof=1), abs=2e-7
+    )
     assert row.note == "5 cycles"
     # saved runs whose seeds changed nothing
     found = compare([seeded(tmp_path / "alike", [100e-6] * 5)])
-    row = next(row for row in iso_block(found, [SettingEntry(0, BASE)]).lines if row.path == "there")
+    row = next(
+        row for row in iso_block(found, [SettingEntry(0, BASE)]).lines if row.path == "there"
+    )
     assert set(row.values) == {"path accuracy AT", "pose accuracy AP"}
 
 
 def test_one_run_stands_for_all_seeds_of_a_law_that_draws_nothing(tmp_path):
-    """Against each seed of a baseline that draws, and against the friction that its own rig does not have."""
+    """Against each seed of a baseline that draws, and against the friction that its own rig does
+    not have.
+    """
     store = saved(tmp_path / "runs", errors={BASE: 100e-6, GOOD: 40e-6})
     sleeping = Setting("open-velocity-sleep")
-    runs, equal = {}, {VARIATIONS[3].name: VARIATIONS[0].name, VARIATIONS[4].name: VARIATIONS[0].name}
+    runs, equal = (
+        {},
+        {VARIATIONS[3].name: VARIATIONS[0].name, VARIATIONS[4].name: VARIATIONS[0].name},
+    )
     for key, one in store.results.items():
         if one.cell.variation.name not in equal:
             runs[key] = one
@@ -424,7 +490,13 @@ def test_the_parts_come_in_order_with_every_row(page, comparison):
     assert first[1] == "▼ better"
     assert first[2] == f"{0.4 * 1.05**2:#.3g}"
     assert first[4] == "40.0"
-    assert {row[1] for row in rows} == {"▼ better", "● baseline", "≈ neither", "▲ worse", "✕ unstable"}
+    assert {row[1] for row in rows} == {
+        "▼ better",
+        "● baseline",
+        "≈ neither",
+        "▲ worse",
+        "✕ unstable",
+    }
     (dead,) = [row for row in rows[:6] if row[0].startswith("closed-position gain 1.5")]
     assert "failed with inertia +30 %: refused: too fast" in dead[0]
     facts = dict(tables["provenance"])
@@ -441,8 +513,12 @@ def test_no_two_laws_look_alike():
 
 
 def test_names_are_no_markup(tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": Picture(b"")})
-    hostile = saved(tmp_path / "runs", tasks=(HOSTILE,), rig=HOSTILE, errors={BASE: 1e-4, DEAD: 1e-4})
+    monkeypatch.setattr(
+        "benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": Picture(b"")}
+    )
+    hostile = saved(
+        tmp_path / "runs", tasks=(HOSTILE,), rig=HOSTILE, errors={BASE: 1e-4, DEAD: 1e-4}
+    )
     _, page = gain_report(compare([hostile]))
     assert "<script>alert" not in page
     assert "&lt;script&gt;" in page
@@ -464,7 +540,9 @@ def test_record_and_csv_hold_the_same_numbers(comparison):
     (dead,) = [row for row in rows if row["failure"] and row["path"] == "there"]
     assert (dead["law"], dead["gain"], dead["contour_rms"]) == ("closed-position", "1.5", "")
     frame = comparison.to_pandas()
-    assert set(frame[frame["law"] == "closed-position"]["gain"]) == {dict(setting.gains)["gain"] for setting in ERRORS}
+    assert set(frame[frame["law"] == "closed-position"]["gain"]) == {
+        dict(setting.gains)["gain"] for setting in ERRORS
+    }
     stated = [row for row in rows if row["gain"] == "0.3" and row["rig"] == "as stated"]
     assert {float(row["contour_rms"]) for row in stated} == {40e-6}
 
@@ -477,7 +555,9 @@ def test_a_browser_opens_it_without_a_complaint(tmp_path, page):
     # what the page says itself, not what the browser says of its machine
     assert "CONSOLE" not in opened.stderr
     assert 'id="figures"' in opened.stdout
-    printed = browse(tmp_path, file, f"--print-to-pdf={tmp_path / 'page.pdf'}", "--no-pdf-header-footer")
+    printed = browse(
+        tmp_path, file, f"--print-to-pdf={tmp_path / 'page.pdf'}", "--no-pdf-header-footer"
+    )
     assert "CONSOLE" not in printed.stderr
     assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
 
@@ -485,7 +565,9 @@ def test_a_browser_opens_it_without_a_complaint(tmp_path, page):
 @needs_browser
 def test_no_table_is_wider_than_the_page(tmp_path, undrawn):
     """With the longest names of laws and gains, and errors of five digits."""
-    laws = [Setting("closed-position-relative-repaired", (("gain", gain),)) for gain in (0.65, 0.75)]
+    laws = [
+        Setting("closed-position-relative-repaired", (("gain", gain),)) for gain in (0.65, 0.75)
+    ]
     laws += [Setting("feedforward", (("speed", 0.95), ("acceleration", 0.25), ("play", 0.5)))]
     wide = saved(tmp_path / "runs", errors=dict.fromkeys(laws, 12345e-6) | {WILD: 0.01})
     _, page = gain_report(compare([wide]))
@@ -500,5 +582,7 @@ def test_no_table_is_wider_than_the_page(tmp_path, undrawn):
     opened = browse(tmp_path, file, "--window-size=1280,1000", "--dump-dom")
     title = re.search(r"<title>over ([\d ]+)</title>", opened.stdout)
     over = [int(one) for one in title.group(1).split()]
-    assert len(over) >= 7  # the best, the criteria, provenance, two paths, the lines and the circles
+    assert (
+        len(over) >= 7
+    )  # the best, the criteria, provenance, two paths, the lines and the circles
     assert over == [0] * len(over)

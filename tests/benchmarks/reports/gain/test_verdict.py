@@ -1,4 +1,6 @@
-"""A verdict weighs what a user would: a little less error is not worth a shaking machine, and what is paid is said."""
+"""A verdict weighs what a user would: a little less error is not worth a shaking machine, and what
+is paid is said.
+"""
 
 import re
 from dataclasses import replace
@@ -44,13 +46,17 @@ def with_costs(folder, costs, errors):
         pulses, others = costs[one.cell.setting]
         shaken = {"vibration_power.a": (pulses * PULSE) ** 2, "vibration_power.b": 0.0}
         changed[key] = replace(one, figures={**one.figures, **shaken, **others})
-    return replace(runs, results=changed, record={**runs.record, "pulses": {"a": PULSE, "b": PULSE}})
+    return replace(
+        runs, results=changed, record={**runs.record, "pulses": {"a": PULSE, "b": PULSE}}
+    )
 
 
 def test_nine_per_cent_of_error_are_not_worth_2800_times_the_vibration(tmp_path):
     """In power, which is 53 times in amplitude."""
     costs = {BASE: (QUIET, {}), GOOD: (QUIET * 2800**0.5, {}), SAME: (QUIET, {})}
-    found = compare([with_costs(tmp_path / "runs", costs, {BASE: 100e-6, GOOD: 91e-6 / 1.05**2, SAME: 98e-6})])
+    found = compare(
+        [with_costs(tmp_path / "runs", costs, {BASE: 100e-6, GOOD: 91e-6 / 1.05**2, SAME: 98e-6})]
+    )
     verdict = verdict_of(found)
     assert found.mean_ratio(SettingEntry(0, GOOD)) == pytest.approx(0.91)
     assert found.score(SettingEntry(0, GOOD)) > 1
@@ -75,15 +81,22 @@ def test_a_great_gain_is_worth_its_price_which_is_told(tmp_path):
     assert verdict.best == verdict.least == SettingEntry(0, GOOD)
     assert verdict.score < 0.2
     assert "It costs 3 times the vibration (3 pulses RMS against 1 pulse RMS on " in verdict.text
-    assert "2 times the effort (20 % of the torque limit RMS against 10 % of the torque limit RMS on " in verdict.text
+    assert (
+        "2 times the effort (20 % of the torque limit RMS against 10 % of the torque limit RMS on "
+        in verdict.text
+    )
     assert "has a smaller RMS contour error" not in verdict.text
 
 
 def test_a_best_that_never_comes_to_its_goal_says_so(tmp_path):
-    """Where the baseline does not either, the weights see no difference: all of them end late by the same."""
+    """Where the baseline does not either, the weights see no difference: all of them end late by
+    the same.
+    """
     away = {"end_time": inf}
     costs = {BASE: (QUIET, away), GOOD: (QUIET, away), SAME: (QUIET, {})}
-    found = compare([with_costs(tmp_path / "runs", costs, {BASE: 450e-6, GOOD: 10e-6, SAME: 450e-6})])
+    found = compare(
+        [with_costs(tmp_path / "runs", costs, {BASE: 450e-6, GOOD: 10e-6, SAME: 450e-6})]
+    )
     verdict = verdict_of(found)
     assert verdict.best == SettingEntry(0, GOOD)
     told = (
@@ -91,13 +104,22 @@ def test_a_best_that_never_comes_to_its_goal_says_so(tmp_path):
         "(baseline in 10 of its 10 runs, by up to 540 µm on there)."
     )  # the runs' own distances to the plan: 10 µm · 1.2 · 1.05³, and 450 µm · 1.2
     assert told in verdict.text
-    arrived = compare([with_costs(tmp_path / "arrived", {**costs, GOOD: (QUIET, {})}, {BASE: 450e-6, GOOD: 10e-6})])
+    arrived = compare(
+        [
+            with_costs(
+                tmp_path / "arrived", {**costs, GOOD: (QUIET, {})}, {BASE: 450e-6, GOOD: 10e-6}
+            )
+        ]
+    )
     assert "off its goal" not in verdict_of(arrived).text
 
 
 @pytest.mark.parametrize(("rig", "given"), [("servo-rig", "servo-rig"), ("mine", "mine.toml")])
 def test_what_runs_more_laws_names_the_rig_or_its_file(tmp_path, rig, given):
-    assert f'"pulsepath compare {given} --law closed-position' in verdict_of(compare([saved(tmp_path, rig=rig)])).text
+    assert (
+        f'"pulsepath compare {given} --law closed-position'
+        in verdict_of(compare([saved(tmp_path, rig=rig)])).text
+    )
 
 
 def test_ratios_are_of_what_makes_a_difference():
@@ -110,14 +132,22 @@ def test_ratios_are_of_what_makes_a_difference():
     ratios = compare_figures(figures(), figures(), about)
     assert ratios == dict.fromkeys([one.name for one in CRITERIA], 1.0)
     assert weigh(ratios) == 1.0
-    tiny = {"vibration_power.a": (1e-3 * PULSE) ** 2, "contour_rms": 1e-12, "torque_rms": 1e-5, "late": -3.0}
+    tiny = {
+        "vibration_power.a": (1e-3 * PULSE) ** 2,
+        "contour_rms": 1e-12,
+        "torque_rms": 1e-5,
+        "late": -3.0,
+    }
     least = compare_figures(figures(**tiny), figures(), about)
     assert least["contour error"] == pytest.approx(1e-4)
     assert least["vibration"] == pytest.approx(QUANTIZED)
     assert least["effort"] == pytest.approx(0.1)
     assert least["end"] == pytest.approx(0.1)
-    # the shaft that shakes most counts, in its own pulses; what is off its goal to the end is late by all of the record
-    worst = compare_figures(figures(**{"vibration_power.b": (20 * PULSE) ** 2, "late": inf}), figures(), about)
+    # the shaft that shakes most counts, in its own pulses; what is off its goal to the end is late
+    # by all of the record
+    worst = compare_figures(
+        figures(**{"vibration_power.b": (20 * PULSE) ** 2, "late": inf}), figures(), about
+    )
     assert worst["vibration"] == pytest.approx(10)
     assert worst["end"] == pytest.approx(5)
     assert weigh(worst) == pytest.approx(10**0.2 * 5**0.1)
@@ -161,7 +191,9 @@ def test_the_page_shows_what_is_weighed_and_every_axis(tmp_path, page, undrawn):
 def off_goal(store, settings):
     """The same runs; those of some settings end off their goal, with all errors as they were."""
     changed = {
-        key: replace(of, figures={**of.figures, "end_time": inf, "late": inf}) if of.cell.setting in settings else of
+        key: replace(of, figures={**of.figures, "end_time": inf, "late": inf})
+        if of.cell.setting in settings
+        else of
         for key, of in store.results.items()
     }
     return replace(store, results=changed)
@@ -172,16 +204,27 @@ def test_verdict_figure_and_best_settings_leave_out_the_same(runs, away, undrawn
     """What ends off its goal is never recommended, unless the baseline ends there as often."""
     found = compare([off_goal(runs, away)])
     verdict, page = gain_report(found)
-    ranked, places = found.rank(), {place.entry: place for place in find_places(found, found.rank()[:5])}
+    ranked, places = (
+        found.rank(),
+        {place.entry: place for place in find_places(found, found.rank()[:5])},
+    )
     out = {WILD, DEAD} | ({GOOD} if away == (GOOD,) else set())
     assert {entry.setting for entry in found.entries if found.fault(entry)} == out
     assert {entry.setting for entry in ranked} == set(ERRORS) - out - {BASE}
     assert verdict.best == ranked[0]
     assert verdict.best.setting == (SAME if away == (GOOD,) else GOOD)
-    assert {entry.setting for entry, place in places.items() if place.fault} == out - {DEAD}  # DEAD has no mean error
-    assert [entry for entry, place in sorted(places.items(), key=lambda one: one[1].number) if place.number] == ranked
+    assert {entry.setting for entry, place in places.items() if place.fault} == out - {
+        DEAD
+    }  # DEAD has no mean error
+    assert [
+        entry
+        for entry, place in sorted(places.items(), key=lambda one: one[1].number)
+        if place.number
+    ] == ranked
     rows = [row for row in Page(page).tables["best"] if not row[0].startswith("law") and row[0]]
-    assert [row[1] for row in rows if row[0] != "baseline"] == [found.label(entry) for entry in ranked]
+    assert [row[1] for row in rows if row[0] != "baseline"] == [
+        found.label(entry) for entry in ranked
+    ]
     assert [row[1] for row in rows if row[0] == "baseline"] == [found.label(found.baseline)]
     why = "1 off its goal more often than the baseline on some path"
     assert (why in verdict.text) == (away == (GOOD,))
@@ -193,17 +236,25 @@ def test_the_figure_fits_what_holds_and_draws_the_rest_at_its_edge(comparison):
     lines = {line.get_label(): np.column_stack(line.get_data()) for line in ax.lines}
     assert lines["baseline"].tolist() == [[1, 1]]
     (struck,) = [xy for label, xy in lines.items() if "1 beyond the edge" in label]
-    held = [comparison.ratios(entry)["contour error"] for entry in comparison.entries if comparison.score(entry) < inf]
+    held = [
+        comparison.ratios(entry)["contour error"]
+        for entry in comparison.entries
+        if comparison.score(entry) < inf
+    ]
     assert sorted(lines["closed-position"][:, 1]) == pytest.approx(sorted(held))
     low, high = ax.get_ylim()
     assert low < min(held) < max(held) < high < 90  # WILD errs by 90 times as much
     assert struck[:, 1].tolist() == [high]
     assert sum(low < tick < high for tick in ax.get_yticks()) >= 3
     numbers = {text.get_text(): text.xy[1] for text in ax.texts}
-    assert numbers == {str(n): comparison.ratios(entry)["contour error"] for n, entry in enumerate(best, 1)}
+    assert numbers == {
+        str(n): comparison.ratios(entry)["contour error"] for n, entry in enumerate(best, 1)
+    }
 
 
-@pytest.mark.parametrize(("low", "high"), [(0.9, 1.1), (0.4, 1.6), (0.99, 7.0), (0.3, 60), (1e-3, 2e3)])
+@pytest.mark.parametrize(
+    ("low", "high"), [(0.9, 1.1), (0.4, 1.6), (0.99, 7.0), (0.3, 60), (1e-3, 2e3)]
+)
 def test_a_logarithmic_axis_has_ticks_to_read(low, high):
     ticks = choose_ticks(low, high)
     assert 3 <= len(ticks) <= 9
@@ -243,7 +294,9 @@ def test_a_setting_pointed_at_tells_its_law_gain_and_figures(comparison, page, t
     said, _ = act_in(tmp_path, file, POINT)
     for place in find_places(comparison, comparison.rank()[:5]):
         number = f"{place.number}. " if place.number else ""
-        (told,) = [text for text in said if text.startswith(f"{number}{comparison.label(place.entry)}: ")]
+        (told,) = [
+            text for text in said if text.startswith(f"{number}{comparison.label(place.entry)}: ")
+        ]
         assert f"contour error {float(f'{place.error:.3g}'):g} ×" in told
         assert f"torque {float(f'{place.effort:.3g}'):g} ×" in told
         assert told.endswith(f"left out: {place.fault}") if place.fault else "left out" not in told
@@ -258,7 +311,10 @@ CLOSED = Setting("closed-error", (("gain", 0.1),))
 
 def test_of_settings_that_come_out_alike_the_usual_is_named_and_they_share_a_row(tmp_path, undrawn):
     """Eight equal ones and a worse one; `feedforward` alone has speed 1 and acceleration 0."""
-    errors = {BASE: 100e-6, **{forward(v, a): 70e-6 for v in (0.9, 0.95, 1.0, 1.05) for a in (1.0, 0.0)}}
+    errors = {
+        BASE: 100e-6,
+        **{forward(v, a): 70e-6 for v in (0.9, 0.95, 1.0, 1.05) for a in (1.0, 0.0)},
+    }
     errors[Setting("feedforward", (("speed", 1.0), ("acceleration", 0.0), ("play", 0.0)))] = 90e-6
     found = compare([saved(tmp_path / "runs", errors=errors)])
     assert [len(group) for group in found.rank_alike()] == [8, 1]
@@ -293,9 +349,16 @@ def test_every_law_is_accounted_for(tmp_path):
         "(1 failed or unstable on there, back); closed-error: its setting does not hold "
         "(1 failed or unstable on there, back)."
     ) in verdict.text
-    assert "Of the 5 settings 3 hold, the baseline among them; left out: 2 failed or unstable" in verdict.text
+    assert (
+        "Of the 5 settings 3 hold, the baseline among them; left out: 2 failed or unstable"
+        in verdict.text
+    )
     laws = {one["law"]: one for one in comparison_record(found, verdict)["verdict"]["laws"]}
-    assert [laws[name]["hold"] for name in ("feedforward", "closed-position", "closed-error")] == [1, 2, 0]
+    assert [laws[name]["hold"] for name in ("feedforward", "closed-position", "closed-error")] == [
+        1,
+        2,
+        0,
+    ]
     assert laws["closed-error"]["best"] is None
     assert sum(one["settings"] for one in laws.values()) == len(found.entries)
 
@@ -315,7 +378,9 @@ def test_what_a_rig_cannot_do_is_said(tmp_path, kind, encoder, peak, blind, warn
     runs = with_costs(tmp_path / "runs", costs, {BASE: 100e-6, GOOD: 40e-6})
     drives = {axis: {"kind": kind, "encoder": encoder} for axis in ("a", "b")}
     text = verdict_of(compare([replace(runs, record={**runs.record, "drives": drives})])).text
-    assert ("No encoder is read on rig: closed-position closes its loop over the pulses" in text) == blind
+    assert (
+        "No encoder is read on rig: closed-position closes its loop over the pulses" in text
+    ) == blind
     assert ("WARNING: it takes up to 121 % of the torque of its steppers" in text) == warned
     assert "WARNING" not in verdict_of(compare([runs])).text  # saved before drives were recorded
 
@@ -323,7 +388,13 @@ def test_what_a_rig_cannot_do_is_said(tmp_path, kind, encoder, peak, blind, warn
 @pytest.mark.parametrize(("error", "offered"), [(50e-6, True), (150e-6, False)])
 def test_gains_are_offered_only_where_they_beat_the_baseline(tmp_path, error, offered, undrawn):
     found = compare(
-        [with_costs(tmp_path / "runs", {BASE: (QUIET, {}), GOOD: (QUIET, {})}, {BASE: 100e-6, GOOD: error})]
+        [
+            with_costs(
+                tmp_path / "runs",
+                {BASE: (QUIET, {}), GOOD: (QUIET, {})},
+                {BASE: 100e-6, GOOD: error},
+            )
+        ]
     )
     verdict = verdict_of(found)
     assert (verdict.score < 1) == offered
@@ -336,7 +407,9 @@ def test_gains_are_offered_only_where_they_beat_the_baseline(tmp_path, error, of
 
 
 def test_what_does_not_count_is_stated_and_shown_as_measured(tmp_path, undrawn):
-    """Efforts below 1 % of the limit and vibration below 0.3 pulses: ratios of 1.2 and 5, which count as 1."""
+    """Efforts below 1 % of the limit and vibration below 0.3 pulses: ratios of 1.2 and 5, which
+    count as 1.
+    """
     costs = {
         BASE: (0.05, {"torque_rms": 0.005}),
         GOOD: (0.25, {"torque_rms": 0.006}),
@@ -356,10 +429,16 @@ def test_what_does_not_count_is_stated_and_shown_as_measured(tmp_path, undrawn):
     rows = Page(page).tables["best"]
     (row,) = [row for row in rows if row[0] == "1"]
     assert row[-3:-1] == ["5.00 (1.00)", "1.20 (1.00)"]
-    for floor in ("vibration below 0.3 pulses RMS", "effort below 1 % of the torque limit RMS", "10 ms late"):
+    for floor in (
+        "vibration below 0.3 pulses RMS",
+        "effort below 1 % of the torque limit RMS",
+        "10 ms late",
+    ):
         assert floor in page
     assert "errors below 0.0100 µm" in page
-    assert comparison_record(found, verdict)["verdict"]["measured_ratios"]["vibration"] == pytest.approx(5)
+    assert comparison_record(found, verdict)["verdict"]["measured_ratios"][
+        "vibration"
+    ] == pytest.approx(5)
 
 
 def gains_of(values):
@@ -370,9 +449,18 @@ def gains_of(values):
     ("others", "told"),
     [
         # the best has a gain of 0, of which no multiple is a margin
-        ([(0.1, 0.0), (0.1, 1.0), (0.3, 0.0)], "speed gain stays stable up to 1 (from 0), the highest value tried"),
-        ([(0.1, 1.0)], "no other gains of closed-error-speed were run; --law closed-error-speed without gains"),
-        ([(0.1, 1.0), (0.3, 0.5)], "no gains that differ in one alone of closed-error-speed were run"),
+        (
+            [(0.1, 0.0), (0.1, 1.0), (0.3, 0.0)],
+            "speed gain stays stable up to 1 (from 0), the highest value tried",
+        ),
+        (
+            [(0.1, 1.0)],
+            "no other gains of closed-error-speed were run; --law closed-error-speed without gains",
+        ),
+        (
+            [(0.1, 1.0), (0.3, 0.5)],
+            "no gains that differ in one alone of closed-error-speed were run",
+        ),
     ],
 )
 def test_the_margin_says_what_was_run(tmp_path, others, told):
@@ -383,7 +471,9 @@ def test_the_margin_says_what_was_run(tmp_path, others, told):
 
 def test_a_grid_of_one_value_each_is_not_to_be_run_again(tmp_path, monkeypatch):
     """The command that just ran all of them is no remedy."""
-    monkeypatch.setattr("benchmarks.reports.gain.verdict.settings_of", lambda law: [gains_of((0.1, 1.0))])
+    monkeypatch.setattr(
+        "benchmarks.reports.gain.verdict.settings_of", lambda law: [gains_of((0.1, 1.0))]
+    )
     errors = {BASE: 100e-6, gains_of((0.1, 1.0)): 40e-6}
     text = verdict_of(compare([saved(tmp_path / "runs", errors=errors)])).text
     assert "closed-error-speed has no other gains in its grid that differ in one alone" in text

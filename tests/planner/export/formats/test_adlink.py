@@ -1,4 +1,6 @@
-"""The call list of the motion cards: replayed by lines of its own, by the virtual card, and by a C compiler."""
+"""The call list of the motion cards: replayed by lines of its own, by the virtual card, and by a C
+compiler.
+"""
 
 import csv
 import shutil
@@ -39,11 +41,15 @@ def rows_of(path):
 def motion(source, k, t):
     """Position in counts of the wiring at t (N,)."""
     axis = source.machine.axes[k]
-    return (source.trajectory.at(t).q[:, k] - source.machine.home_q[k]) / axis.pulse * axis.direction
+    return (
+        (source.trajectory.at(t).q[:, k] - source.machine.home_q[k]) / axis.pulse * axis.direction
+    )
 
 
 def replay(rows, t, start=0.0):
-    """Position at t (N,) of one axis' rows, time step by time step: the running move is replaced by the next."""
+    """Position at t (N,) of one axis' rows, time step by time step: the running move is replaced by
+    the next.
+    """
     p, now, out = start, 0.0, np.empty(len(t))
     move = None
     pending = list(rows)
@@ -58,7 +64,9 @@ def replay(rows, t, start=0.0):
 
 
 def at(move, p, tau):
-    """Where an absolute move from p is after tau: start to max within tacc, held, a dead stop on the target."""
+    """Where an absolute move from p is after tau: start to max within tacc, held, a dead stop on
+    the target.
+    """
     _, _, _, _, target, start, top, tacc, tdec = move
     assert tdec == 0
     ramp = min(tau, tacc)
@@ -82,11 +90,15 @@ def test_the_calls_replayed_stay_as_near_to_the_motion_as_is_said(source, tmp_pa
     assert "8 ms" in done.notes[0] or "16 ms" in done.notes[0] or "4 ms" in done.notes[0]
 
 
-@pytest.mark.parametrize("options", [{}, {"spacing": 0.013}, {"spacing": 0.05}, {"speed_range": 2e5}])
+@pytest.mark.parametrize(
+    "options", [{}, {"spacing": 0.013}, {"spacing": 0.05}, {"speed_range": 2e5}]
+)
 def test_the_stated_error_is_never_passed_and_reached(source, tmp_path, options):
-    """Looked at every 4 µs around where a coarse look finds it largest: there a parabola of the fastest leg's bend,
-    some 1e5 pulses/s², is 2e-7 pulse deep; and just before every call, where the error may have a corner; what is
-    stated holds ten times what rounding of s makes of the quintics near a rest, some 2e-6 pulse, beside."""
+    """Looked at every 4 µs around where a coarse look finds it largest: there a parabola of the
+    fastest leg's bend, some 1e5 pulses/s², is 2e-7 pulse deep; and just before every call, where
+    the error may have a corner; what is stated holds ten times what rounding of s makes of the
+    quintics near a rest, some 2e-6 pulse, beside.
+    """
     done = AdlinkCsv(**options).write(source, tmp_path / "calls.csv")
     rows = rows_of(tmp_path / "calls.csv")
     coarse = np.linspace(0, source.trajectory.duration + 0.01, 20_000)
@@ -97,14 +109,19 @@ def test_the_stated_error_is_never_passed_and_reached(source, tmp_path, options)
         corners = np.array([row[0] for row in own]) - 1e-9
         worst = max(worst, abs(replay(own, corners) - motion(source, k, corners)).max())
         for peak in coarse[np.argsort(away)[-30:]]:
-            t = np.append(coarse[coarse < peak - 5e-4][::40], np.linspace(max(peak - 5e-4, 0), peak + 5e-4, 251))
+            t = np.append(
+                coarse[coarse < peak - 5e-4][::40],
+                np.linspace(max(peak - 5e-4, 0), peak + 5e-4, 251),
+            )
             worst = max(worst, abs(replay(own, t) - motion(source, k, t)).max())
     assert done.error - 5e-5 <= worst <= done.error
 
 
 def test_every_axis_is_sent_to_its_own_card(source, tmp_path):
     AdlinkCsv().write(source, tmp_path / "calls.csv")
-    sent = {(name, function, axis) for _, name, function, axis, *_ in rows_of(tmp_path / "calls.csv")}
+    sent = {
+        (name, function, axis) for _, name, function, axis, *_ in rows_of(tmp_path / "calls.csv")
+    }
     assert sent == {
         ("leg1", "_8132_ta_move", 0), ("leg2", "_8132_ta_move", 1), ("leg3", "_8164_start_ta_move", 0),
         ("leg4", "_8164_start_ta_move", 1), ("leg5", "_8164_start_ta_move", 2), ("leg6", "_8164_start_ta_move", 3),
@@ -112,12 +129,17 @@ def test_every_axis_is_sent_to_its_own_card(source, tmp_path):
 
 
 @pytest.mark.parametrize("mode", ["replace", "queue"])
-def test_the_virtual_card_runs_it_whatever_it_does_with_a_command_during_a_move(source, tmp_path, mode):
+def test_the_virtual_card_runs_it_whatever_it_does_with_a_command_during_a_move(
+    source, tmp_path, mode
+):
     done = AdlinkCsv().write(source, tmp_path / "calls.csv")
     rows = [row for row in rows_of(tmp_path / "calls.csv") if row[1] == "leg4"]
     top = max(max(row[5], row[6]) for row in rows)
     card, state, t0 = Card("test", top * 1.01, 19_660_800, mode), at_rest([0]), 0.0
-    for t, _, _, _, position, start, limit, tacc, tdec in [*rows, (source.trajectory.duration + 0.1,) + (None,) * 8]:
+    for t, _, _, _, position, start, limit, tacc, tdec in [
+        *rows,
+        (source.trajectory.duration + 0.1,) + (None,) * 8,
+    ]:
         instants = np.linspace(t0, t, 7)[:-1]
         x = motion(source, 3, instants)
         assert abs(state.position(instants)[:, 0] - x).max(initial=0) <= done.error
@@ -137,7 +159,8 @@ def test_nothing_is_sent_during_a_rest_and_no_move_turns_round(source, tmp_path)
     for k, axis in enumerate(source.machine.axes):
         for t, *_, tacc, _ in (row for row in rows if row[1] == axis.name):
             way = np.diff(motion(source, k, np.linspace(t, t + tacc, 50)))
-            # turning points are known to the microsecond: what is beyond them is far below a thousandth of a pulse
+            # turning points are known to the microsecond: what is beyond them is far below a
+            # thousandth of a pulse
             assert (way >= -1e-3).all() or (way <= 1e-3).all()
 
 
@@ -149,7 +172,9 @@ def test_speeds_are_whole_steps_of_a_register(source, tmp_path):
 
 
 def test_closer_calls_leave_the_rounding_of_targets_alone(source, tmp_path):
-    assert AdlinkCsv(spacing=0.002).write(source, tmp_path / "calls.csv").error <= 0.505  # ½, and what a ramp is off
+    assert (
+        AdlinkCsv(spacing=0.002).write(source, tmp_path / "calls.csv").error <= 0.505
+    )  # ½, and what a ramp is off
 
 
 def test_both_files_hold_the_same_calls(source, tmp_path):
@@ -168,9 +193,21 @@ def test_both_files_hold_the_same_calls(source, tmp_path):
         + "".join(stub.format(name, name) for name in ("_8132_ta_move", "_8164_start_ta_move"))
         + "int main(void) { return pulsepath_run(wait); }\n"
     )
-    build = [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "calls.c", "main.c", "-o", "calls"]
+    build = [
+        compiler,
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "calls.c",
+        "main.c",
+        "-o",
+        "calls",
+    ]
     subprocess.run(build, cwd=tmp_path, check=True)
-    said = subprocess.run([tmp_path / "calls"], capture_output=True, text=True, check=True).stdout.split("\n")[:-1]
+    said = subprocess.run(
+        [tmp_path / "calls"], capture_output=True, text=True, check=True
+    ).stdout.split("\n")[:-1]
     rows = rows_of(tmp_path / "calls.csv")
     assert len(said) == len(rows)
     for line, (t, _, function, *numbers) in zip(said, rows, strict=True):
@@ -182,9 +219,21 @@ def test_both_files_hold_the_same_calls(source, tmp_path):
 def slides(**wiring):
     limits = {"max_speed": 0.1, "max_acceleration": 2.0, "pulse": 1e-5}
     axes = [Axis(name, card="PCI-8164", channel=k, **limits) for k, name in enumerate("XYZ")]
-    axes.append(Axis("R", "rotary", card="PCI-8164", channel=3, max_speed=1.0, max_acceleration=2.0, pulse=1e-4))
+    axes.append(
+        Axis(
+            "R",
+            "rotary",
+            card="PCI-8164",
+            channel=3,
+            max_speed=1.0,
+            max_acceleration=2.0,
+            pulse=1e-4,
+        )
+    )
     axes = [replace(axis, **wiring.get(axis.name, {})) for axis in axes]
-    made = plan(Program((Line([0.01, 0, 0]),)), Traverser(axes=axes, home=RigidTransform.identity()))
+    made = plan(
+        Program((Line([0.01, 0, 0]),)), Traverser(axes=axes, home=RigidTransform.identity())
+    )
     return ExportSource("slides", made.machine, made.trajectory, made.pulses)
 
 
@@ -214,7 +263,9 @@ def test_axes_that_rest_get_no_calls_and_names_survive(tmp_path):
         ({}, {"spacing": float("nan")}, "spacing nan s"),
     ],
 )
-def test_what_the_cards_cannot_do_is_refused_before_anything_is_written(tmp_path, wiring, options, told):
+def test_what_the_cards_cannot_do_is_refused_before_anything_is_written(
+    tmp_path, wiring, options, told
+):
     made = slides(**wiring)
     for format_ in (AdlinkCsv, AdlinkC):
         with pytest.raises(MotionError, match=told):

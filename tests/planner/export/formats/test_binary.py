@@ -1,4 +1,6 @@
-"""The binary form: back tick for tick, read by a decoder made from its description alone, and never a wrong pulse."""
+"""The binary form: back tick for tick, read by a decoder made from its description alone, and never
+a wrong pulse.
+"""
 
 import json
 import os
@@ -22,7 +24,9 @@ from planner.pulses.schedule import Compensation
 from tests.planner.motions import PULSE
 
 GAPS = st.one_of(st.integers(1, 300), st.integers(1, 1 << 40), st.integers(250, 260))
-AXES = st.lists(st.lists(st.tuples(GAPS, st.sampled_from([-1, 1])), max_size=40), min_size=1, max_size=4)
+AXES = st.lists(
+    st.lists(st.tuples(GAPS, st.sampled_from([-1, 1])), max_size=40), min_size=1, max_size=4
+)
 
 
 def schedule_of(axes):
@@ -32,7 +36,11 @@ def schedule_of(axes):
         signs = np.array([sign for _, sign in pulses], np.int8)
         made.append(AxisPulses(f"leg/{k} ä", ticks, signs, 3 - k, 0.75e-6, 0.2 + k, 0.5 + k / 8))
     moved = (MovedPulses(made[0].name, 3, 1e-6, 0.125, 0.3, 1e-7),)
-    cost = (Compensation(made[0].name, ("backlash", "lead"), 2, 1e-6, windows=((0.1, 0.2), (0.3, 1 / 3))),)
+    cost = (
+        Compensation(
+            made[0].name, ("backlash", "lead"), 2, 1e-6, windows=((0.1, 0.2), (0.3, 1 / 3))
+        ),
+    )
     return PulseSchedule(10_000_000, tuple(made), 1.5 + 1e-17, "floor", moved, cost)
 
 
@@ -53,14 +61,18 @@ def test_any_schedule_comes_back_from_parts_of_any_size(tmp_path_factory, axes, 
     schedule, path = schedule_of(axes), tmp_path_factory.mktemp("binary") / "pulses.bin"
     binary.write(schedule, path, part=part)
     assert is_same(read_pulses(path), schedule)
-    assert decode(path) == [(axis.ticks.tolist(), axis.direction.tolist()) for axis in schedule.axes]
+    assert decode(path) == [
+        (axis.ticks.tolist(), axis.direction.tolist()) for axis in schedule.axes
+    ]
     parts = list(open_pulses(path).parts())
     assert max(len(axis) for each in parts for axis in each.axes) <= part
     assert [axis.start for axis in parts[0].axes] == [axis.start for axis in schedule.axes]
     for before, after in pairwise(parts):
         assert [axis.final for axis in before.axes] == [axis.start for axis in after.axes]
         latest = max(int(axis.ticks[-1]) for axis in before.axes if len(axis))
-        assert all(axis.ticks[0] > latest for axis in after.axes if len(axis))  # parts do not overlap in time
+        assert all(
+            axis.ticks[0] > latest for axis in after.axes if len(axis)
+        )  # parts do not overlap in time
 
 
 def chunks_of(content):
@@ -92,7 +104,9 @@ def decode(path):
             codes, apart, at = at + 9, at + 9 + n * width, at + 9 + n * width + 8 * escapes
             tick, interval = begin, 0
             for k in range(n):
-                code = int.from_bytes(content[codes + k * width : codes + (k + 1) * width], "little")
+                code = int.from_bytes(
+                    content[codes + k * width : codes + (k + 1) * width], "little"
+                )
                 if code == 256**width - 1:
                     code = int.from_bytes(content[apart : apart + 8], "little")
                     apart += 8
@@ -126,7 +140,9 @@ def within(schedule, since, until):
 def parted(tmp_path_factory):
     """A file of several parts of several chunks, and its schedule."""
     rng = np.random.default_rng(1)
-    axes = [list(zip(rng.integers(1, 300, 16), rng.choice([-1, 1], 16), strict=True)) for _ in range(2)]
+    axes = [
+        list(zip(rng.integers(1, 300, 16), rng.choice([-1, 1], 16), strict=True)) for _ in range(2)
+    ]
     path, schedule = tmp_path_factory.mktemp("parted") / "pulses.bin", schedule_of(axes)
     write_parts(path, schedule, [500, 1100, 2000])
     assert len(chunks_of(path.read_bytes())) > 8
@@ -140,7 +156,9 @@ def test_any_schedule_comes_back_however_its_parts_are_added(tmp_path_factory, a
     schedule, path = schedule_of(axes), tmp_path_factory.mktemp("parts") / "pulses.bin"
     write_parts(path, schedule, ends, part)
     assert is_same(read_pulses(path), schedule)
-    assert decode(path) == [(axis.ticks.tolist(), axis.direction.tolist()) for axis in schedule.axes]
+    assert decode(path) == [
+        (axis.ticks.tolist(), axis.direction.tolist()) for axis in schedule.axes
+    ]
 
 
 def test_cut_at_any_byte_it_is_refused(parted, tmp_path):
@@ -157,7 +175,10 @@ def test_with_any_byte_changed_it_is_refused(parted, tmp_path):
     damaged.write_bytes(content)
     for at, byte in enumerate(content):
         with damaged.open("r+b", buffering=0) as file:
-            for place, value in ((at - 1, content[at - 1]), (at, byte ^ 1 << at % 8)):  # the one before is right again
+            for place, value in (
+                (at - 1, content[at - 1]),
+                (at, byte ^ 1 << at % 8),
+            ):  # the one before is right again
                 file.seek(max(place, 0))
                 file.write(bytes([value]))
         with pytest.raises(FileError):
@@ -179,24 +200,42 @@ def changed(content, number, change):
             lambda c: c[:8] + b"\x02" + c[9:],
             "version 2, and this pulsepath reads version 1: read it with the pulsepath",
         ),
-        (lambda c: changed(c, 0, lambda h: h.replace(b'"schema":1', b'"schema":7')), "of schema 7, and this pulsepath"),
+        (
+            lambda c: changed(c, 0, lambda h: h.replace(b'"schema":1', b'"schema":7')),
+            "of schema 7, and this pulsepath",
+        ),
         (
             lambda c: changed(c, 0, lambda h: h.replace(b"pulses", b"motion")),
             "'pulsepath motion', not 'pulsepath pulses'",
         ),
         (lambda c: changed(c, 0, lambda _: b"{"), r"chunk 0 \(HEAD\) is no JSON"),
-        (lambda c: changed(c, 0, lambda h: h.replace(b'"clock_hz"', b'"clock_mhz"')), "states no pulse schedule"),
-        (lambda c: changed(c, 1, lambda h: h[:30] + b"?" + h[31:]), r"chunk 1, from byte \d+ and 0 s, holds no pulses"),
+        (
+            lambda c: changed(c, 0, lambda h: h.replace(b'"clock_hz"', b'"clock_mhz"')),
+            "states no pulse schedule",
+        ),
+        (
+            lambda c: changed(c, 1, lambda h: h[:30] + b"?" + h[31:]),
+            r"chunk 1, from byte \d+ and 0 s, holds no pulses",
+        ),
         (lambda c: changed(c, 1, lambda h: b"\1" + h[1:]), "its span 1 to"),
         (
             lambda c: changed(c, 2, lambda h: h[:8] + struct.pack("<q", 30) + h[16:]),
             "holds pulses up to tick 30, and says 15000001",
         ),
-        (lambda c: changed(c, -1, lambda h: h.replace(b'"pulses":[4', b'"pulses":[5')), "holds .* pulses"),
+        (
+            lambda c: changed(c, -1, lambda h: h.replace(b'"pulses":[4', b'"pulses":[5')),
+            "holds .* pulses",
+        ),
         (lambda c: c + b"\0", "cut at byte"),
-        (lambda c: c[: chunks_of(c)[-1][2]], r"is not finished: it ends at byte \d+ without a MARK"),
+        (
+            lambda c: c[: chunks_of(c)[-1][2]],
+            r"is not finished: it ends at byte \d+ without a MARK",
+        ),
         (lambda c: said(c, -1, complete=False), "its MARK does not say that it is complete"),
-        (lambda c: renamed(c, 2, b"puls"), "has chunk 2 of kind 'puls', and this pulsepath reads PULS"),
+        (
+            lambda c: renamed(c, 2, b"puls"),
+            "has chunk 2 of kind 'puls', and this pulsepath reads PULS",
+        ),
         (lambda c: renamed(c, 1, b"MARK"), "has chunk 1 of kind 'MARK'"),
         (lambda _: b"Time[s], X STEP", "is not a binary file of pulsepath: it begins with b'Time"),
         (lambda _: b"", "is cut at byte 0"),
@@ -226,7 +265,9 @@ def sized(content, size, inflated=None):
     """A file whose first chunk of pulses states a size, and inflates to so many zeros."""
     zeros = None if inflated is None else compress(bytes(inflated), 1)
     return changed(
-        content, 1, lambda held: held[:16] + struct.pack("<Q", size) + (held[24:] if zeros is None else zeros)
+        content,
+        1,
+        lambda held: held[:16] + struct.pack("<Q", size) + (held[24:] if zeros is None else zeros),
     )
 
 
@@ -240,7 +281,9 @@ def codes(content, count, width, escapes, room):
 def long_chunk(content, length):
     """A file whose first chunk of pulses states a length, with a header that is right."""
     _, _, begin, _ = chunks_of(content)[1]
-    header = content[begin : begin + 8] + struct.pack("<Q", length) + content[begin + 16 : begin + 20]
+    header = (
+        content[begin : begin + 8] + struct.pack("<Q", length) + content[begin + 16 : begin + 20]
+    )
     return content[:begin] + header + struct.pack("<I", crc32(header)) + content[begin + 24 :]
 
 
@@ -257,11 +300,16 @@ CRAFTED = {
     "a bomb that the mark allows": lambda c: said(sized(c, 1 << 27, 1 << 27), -1, pulses=[10**11]),
     "more pulses than bytes": lambda c: codes(c, (1 << 32) - 1, 1, 0, 100),
     "more pulses apart than pulses": lambda c: codes(c, 4, 1, (1 << 32) - 1, 100),
-    "more pulses than a chunk may have": lambda c: codes(c, (1 << 20) + 1, 1, 0, (1 << 20) + 1 + (1 << 17) + 1),
+    "more pulses than a chunk may have": lambda c: codes(
+        c, (1 << 20) + 1, 1, 0, (1 << 20) + 1 + (1 << 17) + 1
+    ),
     "10^11 pulses of a thousand axes": lambda c: said(
         said(c, -1, pulses=[10**11] * 1000, final=[0] * 1000, bound=[0.5] * 1000),
         0,
-        axes=[{"name": f"x{k}", "start": 0, "pulse": 1e-6, "home": 0.0, "unit": "m"} for k in range(1000)],
+        axes=[
+            {"name": f"x{k}", "start": 0, "pulse": 1e-6, "home": 0.0, "unit": "m"}
+            for k in range(1000)
+        ],
     ),
     "10^11 pulses": lambda c: said(c, -1, pulses=[10**11]),
     "2^64 pulses": lambda c: said(c, -1, pulses=[1 << 64]),
@@ -282,7 +330,9 @@ CRAFTED = {
     "a bound that is no number": lambda c: said(c, -1, bound=[float("nan")]),
     "a bound in words": lambda c: said(c, -1, bound=[[0.5]]),
     "moves of an infinite number": lambda c: said(
-        c, -1, moves=[{"axis": "x", "pulses": float("inf"), "time": 0, "error": 0, "t": 0, "length": 0}]
+        c,
+        -1,
+        moves=[{"axis": "x", "pulses": float("inf"), "time": 0, "error": 0, "t": 0, "length": 0}],
     ),
     "a move of text": lambda c: said(c, -1, moves=["x"]),
     "a compensation of 10^400": lambda c: said(
@@ -303,7 +353,9 @@ CRAFTED = {
     ),
     "a deep head": lambda c: changed(c, 0, lambda _: b"[" * 100_000),
     "a deep mark": lambda c: changed(c, -1, lambda _: b'{"a":' * 100_000),
-    "a number of many digits": lambda c: changed(c, -1, lambda _: b'{"until":' + b"9" * 10_000 + b"}"),
+    "a number of many digits": lambda c: changed(
+        c, -1, lambda _: b'{"until":' + b"9" * 10_000 + b"}"
+    ),
 }
 
 
@@ -350,7 +402,9 @@ def test_a_file_of_more_pulses_than_there_is_room_for_at_first_is_read_whole(tmp
     ],
 )
 def test_pulses_that_are_no_schedules_are_not_written(tmp_path, axes, until, told):
-    made = tuple(AxisPulses("x", np.array(t, np.int64), np.array(d, np.int8), 0, 1.0, 0.0) for t, d in axes)
+    made = tuple(
+        AxisPulses("x", np.array(t, np.int64), np.array(d, np.int8), 0, 1.0, 0.0) for t, d in axes
+    )
     schedule = PulseSchedule(10, made, 10.0)
     with (tmp_path / "p").open("wb") as file, pytest.raises(MotionError, match=told):
         binary.PulseWriter(file, schedule).add(schedule, until)
@@ -367,7 +421,8 @@ def test_the_check_of_a_file_proves_what_is_in_it(three_legs, tmp_path):
     # bytes, headers and all; ticks and directions have nine a pulse
     assert path.stat().st_size < 2 * three_legs.pulses.total
     exported = binary.Binary().write(
-        SimpleNamespace(machine=three_legs.machine, pulses=three_legs.pulses, tell=lambda *_: None), path
+        SimpleNamespace(machine=three_legs.machine, pulses=three_legs.pulses, tell=lambda *_: None),
+        path,
     )
     assert (exported.error, exported.moves) == (0.0, three_legs.pulses.total)
 
@@ -397,13 +452,21 @@ def test_neither_is_a_file_of_other_axes_another_rule_or_clock_taken(three_legs,
     binary.write(replace(three_legs.pulses, axes=three_legs.pulses.axes[:2]), path)
     with pytest.raises(FileError, match=r"axes: .* should be"):
         check_file(path, three_legs)
-    for change in ({"rule": "floor"}, {"clock_hz": 5_000_000}, {"duration": three_legs.pulses.duration + 1e-9}):
+    for change in (
+        {"rule": "floor"},
+        {"clock_hz": 5_000_000},
+        {"duration": three_legs.pulses.duration + 1e-9},
+    ):
         binary.write(replace(three_legs.pulses, **change), path)
-        assert any(next(iter(change)) in fault.what for fault in check_file(path, three_legs).faults)
+        assert any(
+            next(iter(change)) in fault.what for fault in check_file(path, three_legs).faults
+        )
 
 
 def test_writing_and_reading_parts_takes_no_memory_for_the_pulses_before(tmp_path):
-    """Four times the pulses take the same: the growth allowed is a tenth of what their ticks alone would take."""
+    """Four times the pulses take the same: the growth allowed is a tenth of what their ticks alone
+    would take.
+    """
     peaks, path, part = [], tmp_path / "p.bin", 1 << 12
     for parts in (10, 40):
         none = AxisPulses("x", np.empty(0, np.int64), np.empty(0, np.int8), 0, PULSE, 0.0)
@@ -412,7 +475,11 @@ def test_writing_and_reading_parts_takes_no_memory_for_the_pulses_before(tmp_pat
         with path.open("wb") as file:
             writer = binary.PulseWriter(file, stated)
             for k in range(parts):
-                made = replace(none, ticks=100 * np.arange(k * part, (k + 1) * part), direction=np.ones(part, np.int8))
+                made = replace(
+                    none,
+                    ticks=100 * np.arange(k * part, (k + 1) * part),
+                    direction=np.ones(part, np.int8),
+                )
                 writer.add(replace(stated, axes=(made,)), 100 * (k + 1) * part)
             writer.finish(stated)
         assert sum(each.total for each in open_pulses(path).parts()) == parts * part

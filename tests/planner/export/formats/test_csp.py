@@ -1,4 +1,6 @@
-"""CiA 402 files: decoded here by other code, and held against the motion and the limits of its axes."""
+"""CiA 402 files: decoded here by other code, and held against the motion and the limits of its
+axes.
+"""
 
 import re
 from types import SimpleNamespace
@@ -13,7 +15,9 @@ from tests.planner.export.formats.test_streamed_formats import Swing, off_motion
 
 
 def cycles_of(path):
-    """Cycle time, and positions, velocity offsets and torque offsets (K, axes) of a csp file, by its header's words."""
+    """Cycle time, and positions, velocity offsets and torque offsets (K, axes) of a csp file, by
+    its header's words.
+    """
     lines = path.read_bytes().decode("ascii").split("\n")
     assert lines.pop() == ""
     told = [line for line in lines if line[0] == "#"]
@@ -58,7 +62,8 @@ class Stop(Swing):
 
 def resting(reach, acceleration, signs=(1, 1), home=(0.0, 0.0)):
     axes = tuple(
-        Axis(f"axis{k}", pulse=1e-6, max_acceleration=acceleration, direction=signs[k]) for k in range(len(reach))
+        Axis(f"axis{k}", pulse=1e-6, max_acceleration=acceleration, direction=signs[k])
+        for k in range(len(reach))
     )
     home = np.array(home[: len(reach)])
     machine = SimpleNamespace(axes=axes, home_q=home, name="made up", loaded=False)
@@ -66,16 +71,22 @@ def resting(reach, acceleration, signs=(1, 1), home=(0.0, 0.0)):
 
 
 def test_csp_states_the_second_difference_and_the_way_between_rows(tmp_path):
-    """A drive that goes along parabolas of three rows, evaluated here by Lagrange's formula, keeps what is stated."""
+    """A drive that goes along parabolas of three rows, evaluated here by Lagrange's formula, keeps
+    what is stated.
+    """
     source = resting([0.02, 0.01], 0.04)
     done = find_format("csp")(cycle=4e-3).write(source, tmp_path / "p.csv")
     each, q, _, _ = cycles_of(tmp_path / "p.csv")
     twice = abs(np.diff(np.concatenate([q[:1], q, q[-1:]]), 2, axis=0)).max()
     notes = " ".join(done.notes)
-    stated, allowed = map(int, re.search(r"at most (\d+) increments a cycle² .* allow (\d+)", notes).groups())
+    stated, allowed = map(
+        int, re.search(r"at most (\d+) increments a cycle² .* allow (\d+)", notes).groups()
+    )
     assert stated == twice <= allowed == int(0.04 * each**2 / 1e-6 + 2)
     assert f"second difference at most {allowed} increments" in (tmp_path / "p.csv").read_text()
-    straight, parabola = map(float, re.search(r"straight within (\S+) .* parabolas within (\S+)", notes).groups())
+    straight, parabola = map(
+        float, re.search(r"straight within (\S+) .* parabolas within (\S+)", notes).groups()
+    )
     measured = float(re.search(r"measured along parabolas: within (\S+) ", notes)[1])
     u = np.linspace(0, 1, 41)[:, None, None]
     p = np.concatenate([q[:1], q])
@@ -93,7 +104,10 @@ def test_csp_torque_offsets_are_the_forces_of_the_motion(tmp_path):
     machine = load_machine("traverser").carrying(Load(platform=Body(3.0)))
     made = plan(Program([Line([0, 0.01, 0])]), machine, order=2)
     source = ExportSource("line", machine, made.trajectory, made.pulses)
-    with pytest.raises(MotionError, match=r"axis X: torque offset 0x60B2 of \d+ at 0 s, limit 32767 .* a larger rated"):
+    with pytest.raises(
+        MotionError,
+        match=r"axis X: torque offset 0x60B2 of \d+ at 0 s, limit 32767 .* a larger rated",
+    ):
         find_format("csp")(rated="0.05").write(source, tmp_path / "p.csv")
     find_format("csp")(rated="50,0.05,50,50").write(source, tmp_path / "p.csv")
     each, q, _, torque = cycles_of(tmp_path / "p.csv")
@@ -102,7 +116,9 @@ def test_csp_torque_offsets_are_the_forces_of_the_motion(tmp_path):
     wanted = y.direction * 3.0 * made.trajectory.at(t).qdd[:, 1] / 0.05 * 1000
     assert abs(wanted).max() > 200
     assert abs(torque[:, 1] - wanted).max() <= 0.5 + 1e-6
-    assert abs(abs(torque[:, 0]) - 3.0 * 9.80665 / 50 * 1000).max() <= 0.5 + 1e-6  # it holds the weight
+    assert (
+        abs(abs(torque[:, 0]) - 3.0 * 9.80665 / 50 * 1000).max() <= 0.5 + 1e-6
+    )  # it holds the weight
 
 
 @pytest.mark.parametrize(
@@ -116,7 +132,11 @@ def test_csp_torque_offsets_are_the_forces_of_the_motion(tmp_path):
             resting([0.02], 1.0),
             r"axis0: target position 0x607A of \d+ at .* s, limit 2147483647",
         ),
-        ({"rated": "5,6"}, resting([0.01], 1.0), 'rated "5,6": give one number above 0 in N or N m, or 1'),
+        (
+            {"rated": "5,6"},
+            resting([0.01], 1.0),
+            'rated "5,6": give one number above 0 in N or N m, or 1',
+        ),
         ({"rated": "50"}, resting([0.01], 1.0), "machine made up: it states no masses"),
     ],
 )
@@ -130,12 +150,19 @@ def test_csp_of_a_plan_keeps_every_axis_limit(planned, hexapod, tmp_path):
     source = ExportSource("bare-circle", hexapod, made.trajectory, made.pulses)
     find_format("csp")().write(source, tmp_path / "p.csv")
     each, q, _, _ = cycles_of(tmp_path / "p.csv")
-    exact = made.trajectory.at(np.minimum(each * np.arange(len(q)), made.trajectory.duration)).q - hexapod.home_q
-    signs, pulse = (np.array([getattr(axis, name) for axis in hexapod.axes]) for name in ("direction", "pulse"))
+    exact = (
+        made.trajectory.at(np.minimum(each * np.arange(len(q)), made.trajectory.duration)).q
+        - hexapod.home_q
+    )
+    signs, pulse = (
+        np.array([getattr(axis, name) for axis in hexapod.axes]) for name in ("direction", "pulse")
+    )
     assert abs(q - exact * signs / pulse).max() <= 0.5 + 1e-6
     most = np.array([np.max(axis.max_acceleration) for axis in hexapod.axes]) * each**2 / pulse
     assert (abs(np.diff(q, 2, axis=0)).max(0) <= most + 2).all()
-    fast = np.flatnonzero((abs(np.diff(q, axis=0)) > 4 * (most + 2)).any(1))  # neighbours do not hide such a step
+    fast = np.flatnonzero(
+        (abs(np.diff(q, axis=0)) > 4 * (most + 2)).any(1)
+    )  # neighbours do not hide such a step
     assert len(fast) > len(q) / 2
     for row in fast:
         assert (abs(np.diff(np.delete(q, row, 0), 2, axis=0)).max(0) > most + 2).any()

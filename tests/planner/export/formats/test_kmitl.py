@@ -1,4 +1,6 @@
-"""The files of the three-armed machine: read by its own program's rules, retold here line by line."""
+"""The files of the three-armed machine: read by its own program's rules, retold here line by
+line.
+"""
 
 import re
 from itertools import pairwise
@@ -18,7 +20,9 @@ MOVED = np.array([[34.6410162, 0, 0], [-17.3205081, 30, 0], [-17.3205081, -30, 0
 
 
 def arms(end_points):
-    """Arm lengths (N, 3) in mm at end points (N, 3): Sqr of the sums of squares, as the source has them."""
+    """Arm lengths (N, 3) in mm at end points (N, 3): Sqr of the sums of squares, as the source has
+    them.
+    """
     joints = end_points[:, None] + [0, 0, 50] + MOVED
     return np.sqrt(((joints - FIXED) ** 2).sum(2))
 
@@ -27,12 +31,17 @@ def arms(end_points):
 def source():
     """A line, a rest, a circle of 2 mm, and a slope; from the home pose at (0, 0, -300) mm."""
     bend = Arc([0, 0, 0], [0, 0, 1], 2 * np.pi)
-    made = plan(Program((Line([0.002, 0, 0]), Dwell(0.1), bend, Line([0, 0.001, 0.003]))), load_machine("tripod"))
+    made = plan(
+        Program((Line([0.002, 0, 0]), Dwell(0.1), bend, Line([0, 0.001, 0.003]))),
+        load_machine("tripod"),
+    )
     return ExportSource("a */ ☃\n", made.machine, made.trajectory, made.pulses)
 
 
 def read_arms(path):
-    """Command26_Click: columns 9 to 13 are the number, 14 to 20 the length; numbers rise from 10001."""
+    """Command26_Click: columns 9 to 13 are the number, 14 to 20 the length; numbers rise from
+    10001.
+    """
     lengths, m = [], 10_001
     row = {}
     for line in path.read_bytes().decode("ascii").split("\r\n"):
@@ -46,7 +55,9 @@ def read_arms(path):
 
 
 def going(position, target):
-    """The source's DDA: counts after every turn of its loop, from where it stands to a target in counts."""
+    """The source's DDA: counts after every turn of its loop, from where it stands to a target in
+    counts.
+    """
     way = target - position
     k = abs(way).max()
     q, out = np.zeros(3), [position.copy()]
@@ -69,7 +80,10 @@ def test_the_arm_list_reads_as_its_program_reads_it(source, tmp_path):
     assert f"{len(lengths)} points" in done.notes[0]
     assert text.count("\n") == text.count("\r\n") == 4 * len(lengths)
     assert text.startswith("PointL1_10001285.832\r\nPointL2_10001")
-    assert all(line == "" or re.fullmatch(r"PointL[123]_\d{5}[\d.]{7}", line) for line in text.split("\r\n"))
+    assert all(
+        line == "" or re.fullmatch(r"PointL[123]_\d{5}[\d.]{7}", line)
+        for line in text.split("\r\n")
+    )
     # it begins at home and ends where the program does; seven characters leave 0.0005 mm
     assert lengths[0] == pytest.approx(arms(np.array([[0, 0, -300.0]]))[0], abs=5.1e-4)
     assert lengths[-1] == pytest.approx(arms(np.array([[0, 1.0, -297.0]]))[0], abs=5.1e-4)
@@ -95,19 +109,22 @@ def test_its_error_is_what_the_dda_makes_of_it(source, tmp_path):
     assert n == len(lengths) - 1
     # rounding of the decimals of the machine file: 5e-8 mm, 1e-3 pulses
     assert worst == pytest.approx(done.error, abs=0.01)
-    # 50 pulses are a count; the sagitta of 1 mm on a circle of 2 mm is 0.06 mm, and arms move by no more than that
+    # 50 pulses are a count; the sagitta of 1 mm on a circle of 2 mm is 0.06 mm, and arms move by no
+    # more than that
     assert 50 < worst < 0.0635 * 25_000
 
 
 def test_closer_points_leave_the_counts_alone(source, tmp_path):
     done = KmitlArms(point_step=1e-4).write(source, tmp_path / "arms.txt")
-    # its DDA fires up to a count early, and leaves up to a count of each way to the next; the text of two lengths
-    # rounds by half a count, and the sagitta of 0.1 mm on a circle of 2 mm is 0.6 µm
+    # its DDA fires up to a count early, and leaves up to a count of each way to the next; the text
+    # of two lengths rounds by half a count, and the sagitta of 0.1 mm on a circle of 2 mm is 0.6 µm
     assert 50 < done.error < 2.5 * 50 + 0.63e-3 * 25_000
 
 
 def read_positions(path):
-    """By key, as the source's reader does: 14 columns are compared, and the number is in columns 15 to 21."""
+    """By key, as the source's reader does: 14 columns are compared, and the number is in columns 15
+    to 21.
+    """
     poses = [{}]
     for line in path.read_bytes().decode("ascii").split("\r\n"):
         if not line:
@@ -134,7 +151,8 @@ def test_the_position_list_reads_by_its_keys(source, tmp_path):
     assert KEYS[0] == "_____cex"
     assert KEYS[3] == "______cx"
     assert (KEYS[8], KEYS[9], KEYS[-1]) == ("______rz", "_mov(1)x", "move(3)z")
-    # the source takes off the end point's height at its start as it writes, and adds it again; joints are absolute
+    # the source takes off the end point's height at its start as it writes, and adds it again;
+    # joints are absolute
     zos = np.array([0, 0, -300])
     assert [first[f"_____ce{c}"] for c in "xyz"] == [0, 0, 0]
     assert [first[f"______c{c}"] for c in "xyz"] == [0, 0, 50]
@@ -178,14 +196,18 @@ def test_a_byte_steps_its_axes(source, tmp_path):
             else:
                 assert not byte & 2 << 2 * axis  # no direction without a step
     assert counts == [axis.final for axis in source.pulses.axes]
-    assert len((tmp_path / "steps.bin").read_bytes()) == len({t for a in source.pulses.axes for t in a.ticks.tolist()})
+    assert len((tmp_path / "steps.bin").read_bytes()) == len(
+        {t for a in source.pulses.axes for t in a.ticks.tolist()}
+    )
 
 
 @pytest.mark.parametrize("format_", [KmitlArms, KmitlPositions, KmitlByte])
 def test_other_machines_are_refused_by_name(tmp_path, hexapod, format_):
     made = plan(Program((Line([0, 0, 0.001]),)), hexapod)
     with pytest.raises(MotionError, match=r"machine hexapod (is a hexapod|has 6 axes)"):
-        format_().write(ExportSource("up", hexapod, made.trajectory, made.pulses), tmp_path / "file")
+        format_().write(
+            ExportSource("up", hexapod, made.trajectory, made.pulses), tmp_path / "file"
+        )
     assert not list(tmp_path.iterdir())
 
 
@@ -201,7 +223,9 @@ def test_other_machines_are_refused_by_name(tmp_path, hexapod, format_):
         (KmitlPositions(chord=1e-13), "asks for more than 32767 poses"),
     ],
 )
-def test_what_a_list_cannot_hold_is_refused_before_anything_is_written(source, tmp_path, format_, told):
+def test_what_a_list_cannot_hold_is_refused_before_anything_is_written(
+    source, tmp_path, format_, told
+):
     with pytest.raises(MotionError, match=told):
         format_.write(source, tmp_path / "file")
     assert not list(tmp_path.iterdir())
@@ -222,13 +246,25 @@ def test_numbers_fill_seven_characters(value, text):
 
 
 SOURCE_KEYS = [
-    *("_____cex", "_____cey", "_____cez", "______cx", "______cy", "______cz", "______rx", "______ry", "______rz"),
+    *(
+        "_____cex",
+        "_____cey",
+        "_____cez",
+        "______cx",
+        "______cy",
+        "______cz",
+        "______rx",
+        "______ry",
+        "______rz",
+    ),
     *(f"{kind}({joint}){c}" for kind in ("_mov", "move") for joint in (1, 2, 3) for c in "xyz"),
 ]
 
 
 def test_every_line_is_one_that_the_sources_reader_takes(source, tmp_path):
-    """`If Left(rec0, 14) = "Polar" & n & key Then … = CDbl(Trim(Mid(rec0, 15, 7)))` [KMITL 2005, Module3]."""
+    """`If Left(rec0, 14) = "Polar" & n & key Then … = CDbl(Trim(Mid(rec0, 15, 7)))` [KMITL 2005,
+    Module3].
+    """
     assert {len(key) for key in KEYS} == {8}
     KmitlPositions().write(source, tmp_path / "positions.txt")
     lines = (tmp_path / "positions.txt").read_text("ascii").splitlines()

@@ -1,4 +1,6 @@
-"""The schedule in parts: opened by numpy alone, joined tick for tick, counts continued from part to part."""
+"""The schedule in parts: opened by numpy alone, joined tick for tick, counts continued from part to
+part.
+"""
 
 import json
 from itertools import pairwise
@@ -16,7 +18,9 @@ from planner.export.formats import npz
 from planner.pulses import AxisPulses
 
 AXES = st.lists(
-    st.lists(st.tuples(st.integers(1, 1 << 40), st.sampled_from([-1, 1])), max_size=40), min_size=1, max_size=4
+    st.lists(st.tuples(st.integers(1, 1 << 40), st.sampled_from([-1, 1])), max_size=40),
+    min_size=1,
+    max_size=4,
 )
 
 
@@ -32,7 +36,13 @@ def schedule_of(axes):
 def assert_same(one, other):
     assert (one.clock_hz, one.duration, one.rule) == (other.clock_hz, other.duration, other.rule)
     for a, b in zip(one.axes, other.axes, strict=True):
-        assert (a.name, a.start, a.pulse, a.home, a.bound) == (b.name, b.start, b.pulse, b.home, b.bound)
+        assert (a.name, a.start, a.pulse, a.home, a.bound) == (
+            b.name,
+            b.start,
+            b.pulse,
+            b.home,
+            b.bound,
+        )
         assert np.array_equal(a.ticks, b.ticks)
         assert np.array_equal(a.direction, b.direction)
 
@@ -49,7 +59,9 @@ def test_any_schedule_comes_back_from_parts_of_any_size(tmp_path_factory, axes, 
     for before, after in pairwise(parts):
         assert [axis.final for axis in before.axes] == [axis.start for axis in after.axes]
         latest = max(int(axis.ticks[-1]) for axis in before.axes if len(axis))
-        assert all(axis.ticks[0] > latest for axis in after.axes if len(axis))  # parts do not overlap in time
+        assert all(
+            axis.ticks[0] > latest for axis in after.axes if len(axis)
+        )  # parts do not overlap in time
 
 
 def test_numpy_alone_reads_it(tmp_path):
@@ -59,7 +71,10 @@ def test_numpy_alone_reads_it(tmp_path):
         index = json.loads(held["schedule.json"])
         ticks = [held[f"{n:06d}/axis1.ticks"] for n in range(index["parts"])]
         ways = [held[f"{n:06d}/axis1.direction"] for n in range(index["parts"])]
-        assert (held["000000/axis2.ticks"].tolist(), held["000001/axis2.ticks"].tolist()) == ([], [100])
+        assert (held["000000/axis2.ticks"].tolist(), held["000001/axis2.ticks"].tolist()) == (
+            [],
+            [100],
+        )
     assert np.concatenate(ticks).tolist() == [5, 12, 13]
     assert np.concatenate(ways).tolist() == [1, -1, 1]
     assert (index["clock_hz"], index["pulses"], index["axes"][1]["pulses"]) == (10_000_000, 4, 1)
@@ -77,7 +92,11 @@ def test_the_format_tells_how_far_it_is_and_finds_its_own_error(tmp_path, monkey
     assert npz.Npz(part=2).write(source, tmp_path / "pulses.npz").error == 0
     assert told == [(1, 2), (2, 2)]
     late = schedule_of([[(5, 1), (7, -1), (2, 1)], []])
-    for other in (late, schedule_of([[(5, 1), (7, -1)], []]), schedule_of([[(5, 1), (7, 1), (1, 1)], []])):
+    for other in (
+        late,
+        schedule_of([[(5, 1), (7, -1)], []]),
+        schedule_of([[(5, 1), (7, 1), (1, 1)], []]),
+    ):
         monkeypatch.setattr(npz, "parts", lambda _, other=other: [other])
         assert npz.Npz().write(source, tmp_path / "pulses.npz").error == np.inf
 

@@ -1,4 +1,6 @@
-"""Zaber, XPS, PMAC, G-code and ROS files: each decoded here by other code, and held against the motion itself."""
+"""Zaber, XPS, PMAC, G-code and ROS files: each decoded here by other code, and held against the
+motion itself.
+"""
 
 import csv
 import re
@@ -24,11 +26,16 @@ EPS = 1e-6  # pulses, of decoding and interpolating positions of up to a million
 class Stops:
     """From place to place (K, axes) in times (K-1,), at rest at each; equal places are a rest.
 
-    q = p + Δ f(u); smooth: f = 10u³ - 15u⁴ + 6u⁵, of which q̈ is continuous; else bang-bang, halves of constant q̈.
+    q = p + Δ f(u); smooth: f = 10u³ - 15u⁴ + 6u⁵, of which q̈ is continuous; else bang-bang, halves
+    of constant q̈.
     """
 
     def __init__(self, places, times, smooth):
-        self.places, self.times, self.smooth = np.asarray(places, float), np.asarray(times, float), smooth
+        self.places, self.times, self.smooth = (
+            np.asarray(places, float),
+            np.asarray(times, float),
+            smooth,
+        )
         ends = np.concatenate([[0.0], np.cumsum(self.times)])
         halves = [] if smooth else (ends[:-1] + ends[1:]) / 2
         self.knots, self.ends, self.duration = np.union1d(ends, halves), ends, ends[-1]
@@ -38,23 +45,35 @@ class Stops:
         h = self.times[k]
         u = np.clip((t - self.ends[k]) / h, 0, 1)
         if self.smooth:
-            f = u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2, 60 * u * (1 - 3 * u + 2 * u**2)
+            f = (
+                u**3 * (10 - 15 * u + 6 * u**2),
+                30 * u**2 * (1 - u) ** 2,
+                60 * u * (1 - 3 * u + 2 * u**2),
+            )
         else:
             late = u >= 0.5
-            f = np.where(late, 1 - 2 * (1 - u) ** 2, 2 * u**2), np.where(late, 4 - 4 * u, 4 * u), 4 - 8.0 * late
+            f = (
+                np.where(late, 1 - 2 * (1 - u) ** 2, 2 * u**2),
+                np.where(late, 4 - 4 * u, 4 * u),
+                4 - 8.0 * late,
+            )
         way = np.diff(self.places, axis=0)[k]
         q, qd, qdd = (way * (part / h**n)[:, None] for n, part in enumerate(f))
         return SimpleNamespace(q=self.places[k] + q, qd=qd, qdd=qdd)
 
 
 def source_of(motion, axes, home=None, name="made up"):
-    machine = SimpleNamespace(axes=axes, home_q=np.zeros(len(axes)) if home is None else np.asarray(home, float))
+    machine = SimpleNamespace(
+        axes=axes, home_q=np.zeros(len(axes)) if home is None else np.asarray(home, float)
+    )
     return ExportSource(name, machine, motion, None)
 
 
 @st.composite
 def sources(draw, most=8):
-    """One to eight axes, of any pulse and home, that start anywhere, rest, or never move; 1 ms to minutes."""
+    """One to eight axes, of any pulse and home, that start anywhere, rest, or never move; 1 ms to
+    minutes.
+    """
     n, count = draw(st.integers(1, most)), draw(st.integers(1, 4))
     kinds = draw(st.lists(st.sampled_from(["linear", "rotary"]), min_size=n, max_size=n))
     pulses = draw(st.lists(st.sampled_from([1e-3, 0.75e-6, 1e-5, 3.3e-8]), min_size=n, max_size=n))
@@ -116,12 +135,16 @@ def zaber(path, source):
     table = np.array([row[:-1] for row in rows], float)
     assert not table[[0, -1], 2::2].any()
     return Decoded(
-        np.cumsum(table[:, 0]) / 1e3, [table[:, 1::2] * factors(axes) + home, table[:, 2::2] * factors(axes)]
+        np.cumsum(table[:, 0]) / 1e3,
+        [table[:, 1::2] * factors(axes) + home, table[:, 2::2] * factors(axes)],
     )
 
 
 def xps(path, source):
-    rows = [[float(cell) for cell in line.split(", ")] for line in path.read_bytes().decode("ascii").splitlines()]
+    rows = [
+        [float(cell) for cell in line.split(", ")]
+        for line in path.read_bytes().decode("ascii").splitlines()
+    ]
     assert not any(rows[-1][2::2])
     return from_moves(source, *zip(*[(row[0], row[1::2], row[2::2]) for row in rows], strict=True))
 
@@ -140,7 +163,9 @@ def pmac(path, source):
             assert mode == "INC"
             words = re.findall(r"([XYZABCUVW])(-?\d+\.\d+):(-?\d+\.\d+)(?: |$)", text)
             assert "".join(word[0] for word in words) == "XYZABCUVW"[: len(source.machine.axes)]
-            found.append((lasting / 1e3, [float(w[1]) for w in words], [float(w[2]) for w in words]))
+            found.append(
+                (lasting / 1e3, [float(w[1]) for w in words], [float(w[2]) for w in words])
+            )
     assert not any(found[-1][2])
     return from_moves(source, *zip(*found, strict=True))
 
@@ -171,13 +196,21 @@ def g93(path, source):
 
 def ros(path, source):
     yaml = pytest.importorskip("yaml")
-    message = yaml.load(path.read_bytes(), yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader)
+    message = yaml.load(
+        path.read_bytes(), yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
+    )
     assert message["joint_names"] == [axis.name for axis in source.machine.axes]
     points = message["points"]
     assert all(point["effort"] == [] for point in points)
-    t = [point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points]
+    t = [
+        point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"]
+        for point in points
+    ]
     names = ("positions", "velocities", "accelerations")
-    return Decoded(np.array(t), [np.array([point[name] for point in points]) for name in names if points[0][name]])
+    return Decoded(
+        np.array(t),
+        [np.array([point[name] for point in points]) for name in names if points[0][name]],
+    )
 
 
 READERS = dict(zip(FORMATS, (zaber, xps, pmac, g93, ros), strict=True))
@@ -187,7 +220,10 @@ def off(decoded, source, count=4001):
     """Pulses, the largest by which an axis of a decoded file is from the motion."""
     motion, pulse = source.trajectory, np.array([axis.pulse for axis in source.machine.axes])
     middles = (decoded.t[1:] + decoded.t[:-1]) / 2
-    t = np.union1d(np.linspace(0, max(motion.duration, decoded.t[-1]), count), np.union1d(motion.knots, middles))
+    t = np.union1d(
+        np.linspace(0, max(motion.duration, decoded.t[-1]), count),
+        np.union1d(motion.knots, middles),
+    )
     return (abs(decoded.at(t) - motion.at(t).q) / pulse).max()
 
 
@@ -207,8 +243,12 @@ def test_the_reader_stays_within_the_tolerance(name, source, tolerance, tmp_path
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_an_even_spacing_makes_the_error_that_is_told(name, tmp_path):
-    motion = Stops([[0.0, 1.0], [0.05, 1.2], [0.05, 1.2], [-0.02, 1.2]], [0.8, 0.3, 1.1], smooth=True)
-    source = source_of(motion, (Axis("one", pulse=1e-6), Axis("two", "rotary", pulse=1e-5)), [0.01, 1.0])
+    motion = Stops(
+        [[0.0, 1.0], [0.05, 1.2], [0.05, 1.2], [-0.02, 1.2]], [0.8, 0.3, 1.1], smooth=True
+    )
+    source = source_of(
+        motion, (Axis("one", pulse=1e-6), Axis("two", "rotary", pulse=1e-5)), [0.01, 1.0]
+    )
     told = find_format(name)(spacing=0.05).write(source, tmp_path / "file")
     decoded = READERS[name](tmp_path / "file", source)
     assert np.diff(decoded.t) == pytest.approx(0.05)
@@ -220,7 +260,9 @@ def test_an_even_spacing_makes_the_error_that_is_told(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["zaber", "xps", "pmac", "g93"])
 def test_rounding_does_not_add_up(name, tmp_path):
-    """Ten thousand points, each rounded to a thousandth of the tolerance: the end is as near as the start."""
+    """Ten thousand points, each rounded to a thousandth of the tolerance: the end is as near as the
+    start.
+    """
     motion = Stops([[0.0], [1.0]], [100.0], smooth=True)
     source = source_of(motion, (Axis("one", pulse=1e-5 / 3),))
     find_format(name)(spacing=0.01).write(source, tmp_path / "file")
@@ -232,23 +274,29 @@ def test_rounding_does_not_add_up(name, tmp_path):
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_real_plan_with_a_dwell(name, hexapod, tmp_path):
-    """A line, a rest and a line on six legs: few segments for the rest, each within half a pulse."""
+    """A line, a rest and a line on six legs: few segments for the rest, each within half a
+    pulse.
+    """
     program = Program((Line([0, 0, 0.02]), Dwell(3.0), Line([0.01, 0, 0.025])), name="rest")
     made = plan(program, hexapod, order=2)
     source = ExportSource(program.name, hexapod, made.trajectory, made.pulses)
     told = find_format(name)().write(source, tmp_path / "file")
     decoded = READERS[name](tmp_path / "file", source)
     assert off(decoded, source, 20_001) <= told.error + EPS <= 0.5
-    assert np.diff(decoded.t).max() == pytest.approx(3.0, abs=2e-4)  # whole steps of 0.1 ms at either end
+    assert np.diff(decoded.t).max() == pytest.approx(
+        3.0, abs=2e-4
+    )  # whole steps of 0.1 ms at either end
 
 
 @settings(max_examples=20, deadline=None, derandomize=True)
 @given(source=sources(most=3), letters=st.permutations("XYZ"))
 def test_our_gcode_reader_takes_g93_as_it_is_meant(source, letters, tmp_path_factory):
-    """As a program: its lines at the speeds that F caps, and its dwells, last as long as the motion and lead its way.
+    """As a program: its lines at the speeds that F caps, and its dwells, last as long as the motion
+    and lead its way.
 
-    A block of less than a nanometre is joined to the next (planner.sources), so 1 nm more than the error that is told.
-    Read without the header, by which it would be known for joint axes (test_gcode_joints).
+    A block of less than a nanometre is joined to the next (planner.sources), so 1 nm more than the
+    error that is told. Read without the header, by which it would be known for joint axes
+    (test_gcode_joints).
     """
     axes = tuple(Axis(axis.name, pulse=axis.pulse) for axis in source.machine.axes)
     motion = replace_start(source.trajectory)
@@ -264,7 +312,11 @@ def test_our_gcode_reader_takes_g93_as_it_is_meant(source, letters, tmp_path_fac
     program = import_program(path).program
     t, here, points = [0.0], np.zeros(3), [np.zeros(3)]
     for part in program.segments:
-        lasts = part.duration if isinstance(part, Dwell) else np.linalg.norm(part.to - here) / part.speed
+        lasts = (
+            part.duration
+            if isinstance(part, Dwell)
+            else np.linalg.norm(part.to - here) / part.speed
+        )
         here = here if isinstance(part, Dwell) else part.to
         t.append(t[-1] + lasts)
         points.append(here)
@@ -275,14 +327,20 @@ def test_our_gcode_reader_takes_g93_as_it_is_meant(source, letters, tmp_path_fac
 
 def replace_start(motion):
     """The same from where the axes are at home, as programs start."""
-    return Stops(motion.places - motion.places[0], motion.times, bool(len(motion.knots) == len(motion.ends)))
+    return Stops(
+        motion.places - motion.places[0], motion.times, bool(len(motion.knots) == len(motion.ends))
+    )
 
 
 def test_zaber_reads_its_file(tmp_path):
-    """The library of the maker loads the file: its numbers and units are those that were written."""
+    """The library of the maker loads the file: its numbers and units are those that were
+    written.
+    """
     ascii_ = pytest.importorskip("zaber_motion.ascii")
     motion = Stops([[0.01, 1.0], [0.02, 1.5], [0.02, 1.5]], [0.5, 0.1], smooth=True)
-    source = source_of(motion, (Axis("one", pulse=1e-6), Axis("two", "rotary", pulse=1e-5)), [0.01, 0.5])
+    source = source_of(
+        motion, (Axis("one", pulse=1e-6), Axis("two", "rotary", pulse=1e-5)), [0.01, 0.5]
+    )
     find_format("zaber")(letters="PT").write(source, tmp_path / "sequence.csv")
     data = ascii_.PvtSequence.load_sequence_data(str(tmp_path / "sequence.csv"))
     assert data.series_names == ["P", "T"]
@@ -305,7 +363,8 @@ FLOAT_EPSILON = 2.0**-23  # joint_trajectory_controller's least end speed that i
 
 
 def accept_trajectory(message, names):
-    """What validate_trajectory_msg of joint_trajectory_controller asks for, as its documentation states it.
+    """What validate_trajectory_msg of joint_trajectory_controller asks for, as its documentation
+    states it.
 
     With its defaults: no partial goals, and no speed at the end. Returns the points' times in ns.
     """
@@ -328,11 +387,15 @@ def accept_trajectory(message, names):
 
 @pytest.mark.parametrize("order", [2, 3])
 @pytest.mark.parametrize("tolerance", [None, 3.0])
-def test_joint_trajectory_controller_takes_the_file_and_follows_the_plan(order, tolerance, hexapod, tmp_path):
-    """By its own rules and polynomials, at ten thousand instants: as far off as the export states, and no farther.
+def test_joint_trajectory_controller_takes_the_file_and_follows_the_plan(
+    order, tolerance, hexapod, tmp_path
+):
+    """By its own rules and polynomials, at ten thousand instants: as far off as the export states,
+    and no farther.
 
-    Order 2 jumps from limit to limit: quintics told of that would exceed it by 0.374 times 2 limits, as the controller
-    itself was seen to do, but cubics with a point at the jump hardly bend. 4 %: most that was seen on presets.
+    Order 2 jumps from limit to limit: quintics told of that would exceed it by 0.374 times 2
+    limits, as the controller itself was seen to do, but cubics with a point at the jump hardly
+    bend. 4 %: most that was seen on presets.
     """
     program = Program((Line([0, 0, 0.02]), Dwell(0.2), Line([0.01, 0, 0.025])), name="rest")
     made = plan(program, hexapod, order=order)
@@ -344,7 +407,9 @@ def test_joint_trajectory_controller_takes_the_file_and_follows_the_plan(order, 
     assert len(decoded.rows) == order
     assert decoded.t == pytest.approx(1e-9 * times, abs=1e-12)
     t = np.linspace(0, made.trajectory.duration, 10_000)
-    error = (abs(decoded.at(t) - made.trajectory.at(t).q) / [axis.pulse for axis in hexapod.axes]).max()
+    error = (
+        abs(decoded.at(t) - made.trajectory.at(t).q) / [axis.pulse for axis in hexapod.axes]
+    ).max()
     assert f"{['cubic', 'quintic'][order - 2]} between the points" in told.against
     assert 0.3 * told.error <= error <= told.error + EPS
     assert told.error <= (tolerance or 0.5)
@@ -372,7 +437,9 @@ def test_counts_of_pmac_are_those_of_the_wiring(tmp_path):
     find_format("pmac")(unit="counts").write(source_of(motion, axes, [0.25, 0.25]), tmp_path / "p")
     words = re.findall(r"([UV])(\S+):", (tmp_path / "p").read_text().partition("INC")[2])
     for letter, total in (("U", 10_000), ("V", -5_000)):
-        assert sum(float(way) for key, way in words if key == letter) == pytest.approx(total, abs=1e-3)
+        assert sum(float(way) for key, way in words if key == letter) == pytest.approx(
+            total, abs=1e-3
+        )
 
 
 def test_a_reversal_that_is_not_the_motions_is_told(tmp_path):
@@ -383,9 +450,9 @@ def test_a_reversal_that_is_not_the_motions_is_told(tmp_path):
     decoded = xps(tmp_path / "t", source)
     q = decoded.at(np.linspace(0, 1.1, 100_001))
     back = (np.maximum.accumulate(q) - q).max() / 1e-6
-    assert float(re.search(r"run back .* by up to (\S+) pulses", " ".join(told.notes))[1]) == pytest.approx(
-        back, rel=5e-3
-    )
+    assert float(
+        re.search(r"run back .* by up to (\S+) pulses", " ".join(told.notes))[1]
+    ) == pytest.approx(back, rel=5e-3)
     assert back > 100
     chosen = find_format("xps")().write(source, tmp_path / "t")
     q = xps(tmp_path / "t", source).at(np.linspace(0, 1.1, 100_001))
@@ -394,7 +461,10 @@ def test_a_reversal_that_is_not_the_motions_is_told(tmp_path):
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
-@given(names=st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=4), program=st.text(max_size=20))
+@given(
+    names=st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=4),
+    program=st.text(max_size=20),
+)
 def test_names_never_break_a_file(names, program, tmp_path_factory):
     path = tmp_path_factory.mktemp("names") / "file"
     motion = Stops([[0.0] * len(names), [1e-4] * len(names)], [0.2], smooth=True)
@@ -443,7 +513,9 @@ def test_letters_are_the_names_where_these_are_letters(tmp_path):
         ("zaber", {"tolerance": 1e-12}, nine(1), "no spacing of whole 0.0001 s"),
     ],
 )
-def test_what_a_format_cannot_hold_is_refused_before_a_file_is_there(name, options, source, told, tmp_path):
+def test_what_a_format_cannot_hold_is_refused_before_a_file_is_there(
+    name, options, source, told, tmp_path
+):
     with pytest.raises(MotionError, match=told):
         find_format(name)(**options).write(source, tmp_path / "file")
     assert not list(tmp_path.iterdir())

@@ -30,19 +30,26 @@ def schedule_of(*pulses, clock=CLOCK, names=None, starts=None):
         signed = np.asarray(signed, np.int64)
         name = names[k] if names else f"leg{k + 1}"
         direction = np.where(signed < 0, -1, 1).astype(np.int8)
-        axes.append(AxisPulses(name, abs(signed), direction, starts[k] if starts else 0, PULSE, 0.2 + k))
+        axes.append(
+            AxisPulses(name, abs(signed), direction, starts[k] if starts else 0, PULSE, 0.2 + k)
+        )
     return PulseSchedule(clock, tuple(axes), 1.0)
 
 
 def machine_axes(schedule, wiring=None):
     wiring = wiring or [1] * len(schedule.axes)
-    return [Axis(axis.name, pulse=axis.pulse, direction=sign) for axis, sign in zip(schedule.axes, wiring, strict=True)]
+    return [
+        Axis(axis.name, pulse=axis.pulse, direction=sign)
+        for axis, sign in zip(schedule.axes, wiring, strict=True)
+    ]
 
 
 def read_back(path, schedule, wiring=None):
     home, start = [axis.home for axis in schedule.axes], [axis.start for axis in schedule.axes]
     axes = machine_axes(schedule, wiring)
-    return read_lines.read(path, schedule.clock_hz, axes, home, start=start, duration=schedule.duration).schedule
+    return read_lines.read(
+        path, schedule.clock_hz, axes, home, start=start, duration=schedule.duration
+    ).schedule
 
 
 def assert_same(one, other):
@@ -84,13 +91,18 @@ def schedules(draw):
         first = draw(st.integers(0, 30))
         signs = draw(st.lists(st.sampled_from([-1, 1]), min_size=len(gaps), max_size=len(gaps)))
         pulses.append((first + np.cumsum(gaps, dtype=np.int64) - (gaps[0] if gaps else 0), signs))
-    axes = tuple(AxisPulses(f"a{k}", t, np.array(d, np.int8), k, PULSE, 0.0) for k, (t, d) in enumerate(pulses))
+    axes = tuple(
+        AxisPulses(f"a{k}", t, np.array(d, np.int8), k, PULSE, 0.0)
+        for k, (t, d) in enumerate(pulses)
+    )
     return PulseSchedule(CLOCK, axes, 1.0)
 
 
 @settings(deadline=None, max_examples=60)
 @given(schedules(), st.lists(st.sampled_from([-1, 1]), min_size=3, max_size=3))
-def test_any_schedule_survives_the_file_and_an_independent_decoder_agrees(tmp_path_factory, schedule, wiring):
+def test_any_schedule_survives_the_file_and_an_independent_decoder_agrees(
+    tmp_path_factory, schedule, wiring
+):
     wiring = wiring[: len(schedule.axes)]
     path = tmp_path_factory.mktemp("csv") / "pulses.csv"
     pulse_csv.write(schedule, path, wiring)
@@ -108,13 +120,17 @@ def test_any_schedule_survives_the_file_and_an_independent_decoder_agrees(tmp_pa
         assert len({instants[j] - instants[i] for i, j in zip(rising, falling, strict=True)}) <= 1
         # DIR only changes where STEP falls: the set-up time is as long as can be.
         assert {i for i in range(1, len(rows)) if direction[i] != direction[i - 1]} <= set(falling)
-    assert all(before != after for (_, before), (_, after) in pairwise(rows[1:]))  # no row without an edge
+    assert all(
+        before != after for (_, before), (_, after) in pairwise(rows[1:])
+    )  # no row without an edge
 
 
 @settings(deadline=None, max_examples=60)
 @given(schedules(), st.integers(1, 20))
 def test_a_schedule_in_a_file_gives_the_same_edges_part_by_part(tmp_path_factory, schedule, part):
-    """A pulse whose STEP falls in the next part, and the way of one that comes parts later, are known in time."""
+    """A pulse whose STEP falls in the next part, and the way of one that comes parts later, are
+    known in time.
+    """
     folder, wiring = tmp_path_factory.mktemp("csv"), [1, -1, 1][: len(schedule.axes)]
     binary.write(schedule, folder / "pulses.bin", part=part)
     pulse_csv.write(schedule, folder / "whole.csv", wiring)
@@ -133,17 +149,24 @@ def test_wiring_turns_dir_and_nothing_else(tmp_path):
     assert_same(read_back(tmp_path / "minus.csv", schedule, [-1, 1]), schedule)
 
 
-@pytest.mark.parametrize("clock", [1_000_000, 10_000_000, 19_660_000, 9_830_400, 1_000_000_000, 16_000_000, 3])
+@pytest.mark.parametrize(
+    "clock", [1_000_000, 10_000_000, 19_660_000, 9_830_400, 1_000_000_000, 16_000_000, 3]
+)
 def test_every_clock_reads_back_to_the_tick_exactly_where_decimals_can(tmp_path, clock):
     rng = np.random.default_rng(clock)
-    ticks = np.unique(rng.integers(0, 100 * clock, 400) // 2) * 2  # up to 100 s: the seconds grow from one digit to two
+    ticks = (
+        np.unique(rng.integers(0, 100 * clock, 400) // 2) * 2
+    )  # up to 100 s: the seconds grow from one digit to two
     schedule = schedule_of(ticks, clock=clock)
     pulse_csv.write(schedule, tmp_path / "p.csv", [1])
     assert_same(read_back(tmp_path / "p.csv", schedule), schedule)
     _, rows = decode(tmp_path / "p.csv", clock)
     error = max(abs(tick - round(tick)) for tick, _ in rows)
     assert error == 0 if 10**15 % clock == 0 else error <= Decimal("0.05")
-    decimals = {len(line.split(",")[0].split(".")[1]) for line in (tmp_path / "p.csv").read_text().split("\n")[1:-1]}
+    decimals = {
+        len(line.split(",")[0].split(".")[1])
+        for line in (tmp_path / "p.csv").read_text().split("\n")[1:-1]
+    }
     assert len(decimals) == 1
     assert min(decimals) >= 9
 
@@ -161,15 +184,26 @@ def test_the_width_is_two_microseconds_or_half_the_smallest_interval_or_as_asked
     for far in (0.0, 1e-5):
         with pytest.raises(MotionError, match="pulse width"):
             width(schedule_of([100, 200]), width=far)
-    with pytest.raises(MotionError, match=r"at least 0.1 us .* and at most 0 us \(the closest pulses are 0.1 us apart"):
+    with pytest.raises(
+        MotionError,
+        match=r"at least 0.1 us .* and at most 0 us \(the closest pulses are 0.1 us apart",
+    ):
         width(schedule_of([100, 101]))
 
 
 @pytest.mark.parametrize(
     ("timing", "width", "told"),
     [
-        ((1.9e-6, 1e-6, 0, 0), 1e-6, r"1 us: must be at least 1.9 us \(the drive of a0 needs STEP high so long\)"),
-        ((1e-6, 4e-6, 0, 0), 7e-6, r"7 us: must be at most 6 us \(the closest .* a0 needs STEP low for 4 us\)"),
+        (
+            (1.9e-6, 1e-6, 0, 0),
+            1e-6,
+            r"1 us: must be at least 1.9 us \(the drive of a0 needs STEP high so long\)",
+        ),
+        (
+            (1e-6, 4e-6, 0, 0),
+            7e-6,
+            r"7 us: must be at most 6 us \(the closest .* a0 needs STEP low for 4 us\)",
+        ),
         (
             (1e-6, 1e-6, 5e-6, 0),
             20e-6,
@@ -177,15 +211,21 @@ def test_the_width_is_two_microseconds_or_half_the_smallest_interval_or_as_asked
         ),
     ],
 )
-def test_a_width_that_a_drive_does_not_take_is_told_in_microseconds_with_the_drive(tmp_path, timing, width, told):
+def test_a_width_that_a_drive_does_not_take_is_told_in_microseconds_with_the_drive(
+    tmp_path, timing, width, told
+):
     schedule = schedule_of([100, -300] if timing[2] else [100, 200], names=["a0"])
     with pytest.raises(MotionError, match=told):
-        pulse_csv.write(schedule, tmp_path / "w.csv", [1], width=width, timing=[StepTiming(*timing)])
+        pulse_csv.write(
+            schedule, tmp_path / "w.csv", [1], width=width, timing=[StepTiming(*timing)]
+        )
 
 
 @pytest.mark.parametrize("part", [None, 3])
 def test_the_hold_of_dir_counts_at_reversals_only(tmp_path, part):
-    """A drive with a hold of 25 us, and pulses 10 us apart: the hold is longer than the gaps of one direction."""
+    """A drive with a hold of 25 us, and pulses 10 us apart: the hold is longer than the gaps of one
+    direction.
+    """
     hold, setup = 25e-6, 3e-6
     signed = [100, 200, 300, -600, -700, -800, 1100, 1200]
     schedule = schedule_of(signed, [150, 250, 350, 450], names=["a0", "a1"])
@@ -209,8 +249,12 @@ def test_the_hold_of_dir_counts_at_reversals_only(tmp_path, part):
 
 def test_a_reversal_too_short_for_hold_and_setup_is_refused(tmp_path):
     schedule = schedule_of([100, -300], names=["a0"])
-    with pytest.raises(MotionError, match=r"a0 reverses within 20 us, .* 18 us after STEP rises and 3 us before"):
-        pulse_csv.write(schedule, tmp_path / "w.csv", [1], timing=[StepTiming(1e-6, 1e-6, 3e-6, 18e-6)])
+    with pytest.raises(
+        MotionError, match=r"a0 reverses within 20 us, .* 18 us after STEP rises and 3 us before"
+    ):
+        pulse_csv.write(
+            schedule, tmp_path / "w.csv", [1], timing=[StepTiming(1e-6, 1e-6, 3e-6, 18e-6)]
+        )
 
 
 def test_axes_that_never_fire_and_pulses_at_tick_zero(tmp_path):
@@ -226,7 +270,11 @@ def test_axes_that_never_fire_and_pulses_at_tick_zero(tmp_path):
 def test_names_with_commas_and_quotes_survive(tmp_path):
     schedule = schedule_of([100], [200], names=['left, "upper"', "θ₁"])
     pulse_csv.write(schedule, tmp_path / "p.csv", [1, 1])
-    assert decode(tmp_path / "p.csv")[0][1:4] == ['left, "upper" STEP', 'left, "upper" DIR', "θ₁ STEP"]
+    assert decode(tmp_path / "p.csv")[0][1:4] == [
+        'left, "upper" STEP',
+        'left, "upper" DIR',
+        "θ₁ STEP",
+    ]
     assert_same(read_back(tmp_path / "p.csv", schedule), schedule)
 
 
@@ -238,14 +286,25 @@ def test_a_header_longer_than_a_csv_reader_takes_is_a_fault(tmp_path):
 
 
 def test_many_pulses_are_written_and_read_in_pieces(tmp_path, monkeypatch):
-    """Six axes in 400 000 rows, through windows that cut pulses in two and parts that cut rows in two."""
+    """Six axes in 400 000 rows, through windows that cut pulses in two and parts that cut rows in
+    two.
+    """
     rng, count = np.random.default_rng(0), 34_000
     axes = tuple(
-        AxisPulses(f"leg{k}", np.cumsum(rng.integers(300, 800, count)), rng.choice([-1, 1], count), 0, PULSE, 0.0)
+        AxisPulses(
+            f"leg{k}",
+            np.cumsum(rng.integers(300, 800, count)),
+            rng.choice([-1, 1], count),
+            0,
+            PULSE,
+            0.0,
+        )
         for k in range(6)
     )
     schedule = PulseSchedule(CLOCK, axes, 1.0)
-    with cpu_limit(2.0):  # 0.3 s where this was written; the bound only catches a loop over rows (some 4 s)
+    with cpu_limit(
+        2.0
+    ):  # 0.3 s where this was written; the bound only catches a loop over rows (some 4 s)
         pulse_csv.write(schedule, tmp_path / "p.csv", [1] * 6)
         again = read_back(tmp_path / "p.csv", schedule)
     assert_same(again, schedule)
@@ -260,7 +319,10 @@ def test_many_pulses_are_written_and_read_in_pieces(tmp_path, monkeypatch):
     monkeypatch.setattr(pulse_csv, "_text", watched)
     monkeypatch.setattr(pulse_csv, "WINDOW", 500)
     monkeypatch.setattr(edge_reader, "PART_BYTES", 1000)
-    few = replace(schedule, axes=tuple(replace(a, ticks=a.ticks[:3000], direction=a.direction[:3000]) for a in axes))
+    few = replace(
+        schedule,
+        axes=tuple(replace(a, ticks=a.ticks[:3000], direction=a.direction[:3000]) for a in axes),
+    )
     pulse_csv.write(few, tmp_path / "pieces.csv", [1] * 6)
     monkeypatch.undo()
     pulse_csv.write(few, tmp_path / "whole.csv", [1] * 6)
@@ -307,7 +369,9 @@ def test_a_file_of_another_clock_is_refused(tmp_path):
 
 
 def test_without_counts_and_duration_the_file_starts_at_zero_and_ends_with_its_last_row(tmp_path):
-    (tmp_path / "p.csv").write_text(SMALL.removesuffix("\n"))  # a last row without line end counts too
+    (tmp_path / "p.csv").write_text(
+        SMALL.removesuffix("\n")
+    )  # a last row without line end counts too
     read = read_lines.read(tmp_path / "p.csv", CLOCK, [Axis("leg1", pulse=PULSE)], [0.1]).schedule
     assert (read.axes[0].start, read.axes[0].final, read.duration) == (0, 1, 1.2e-5)
 

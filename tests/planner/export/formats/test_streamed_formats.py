@@ -1,4 +1,6 @@
-"""VCD, step queue, halstreamer and Galil files: each decoded here by other code, and held against what was exported."""
+"""VCD, step queue, halstreamer and Galil files: each decoded here by other code, and held against
+what was exported.
+"""
 
 import json
 import re
@@ -47,7 +49,8 @@ class Swing:
 def sampled(reach, kinds=None, signs=None, home=None, pulse=1e-6):
     n = len(reach)
     axes = tuple(
-        Axis(f"axis{k}", (kinds or ["linear"] * n)[k], pulse=pulse, direction=(signs or [1] * n)[k]) for k in range(n)
+        Axis(f"axis{k}", (kinds or ["linear"] * n)[k], pulse=pulse, direction=(signs or [1] * n)[k])
+        for k in range(n)
     )
     home = np.zeros(n) if home is None else np.asarray(home, float)
     return ExportSource("swing", SimpleNamespace(axes=axes, home_q=home), Swing(reach, home), None)
@@ -59,15 +62,24 @@ def pulsed(clock=10_000_000, pulses=400, axes=3, seed=0, names=None, program="p"
     names = names or [f"leg{k + 1}" for k in range(axes)]
     found = []
     for name in names:
-        gaps = np.rint(closest + 2000 * (1 + np.sin(np.linspace(0, 9, pulses) + random.uniform(0, 6))))
+        gaps = np.rint(
+            closest + 2000 * (1 + np.sin(np.linspace(0, 9, pulses) + random.uniform(0, 6)))
+        )
         ways = 1 - 2 * (np.cumsum(random.random(pulses) < 0.02) % 2)
-        found.append(AxisPulses(name, np.cumsum(gaps).astype(np.int64), ways.astype(np.int8), 0, 1e-6, 0.0))
+        found.append(
+            AxisPulses(name, np.cumsum(gaps).astype(np.int64), ways.astype(np.int8), 0, 1e-6, 0.0)
+        )
     machine = SimpleNamespace(
-        axes=tuple(Axis(name, pulse=1e-6, direction=int(sign)) for name, sign in zip(names, signs, strict=True)),
+        axes=tuple(
+            Axis(name, pulse=1e-6, direction=int(sign))
+            for name, sign in zip(names, signs, strict=True)
+        ),
         home_q=np.zeros(axes),
     )
     last = max((int(axis.ticks[-1]) for axis in found if len(axis)), default=0)
-    return ExportSource(program, machine, None, PulseSchedule(clock, tuple(found), (last + 1000) / clock))
+    return ExportSource(
+        program, machine, None, PulseSchedule(clock, tuple(found), (last + 1000) / clock)
+    )
 
 
 def dump_by_rules(path):
@@ -108,14 +120,18 @@ def dump_by_pyvcd(path):
         for token in reader.tokenize(file):
             if token.kind is reader.TokenKind.TIMESCALE:
                 scale = token.timescale
-                unit = int(scale.magnitude) * {"ns": 1e-9, "ps": 1e-12, "fs": 1e-15}[scale.unit.value]
+                unit = (
+                    int(scale.magnitude) * {"ns": 1e-9, "ps": 1e-12, "fs": 1e-15}[scale.unit.value]
+                )
             elif token.kind is reader.TokenKind.VAR:
                 names[token.var.id_code] = token.var.reference
                 changes[token.var.reference] = []
             elif token.kind is reader.TokenKind.CHANGE_TIME:
                 now = token.time_change
             elif token.kind is reader.TokenKind.CHANGE_SCALAR:
-                changes[names[token.scalar_change.id_code]].append((now, int(token.scalar_change.value)))
+                changes[names[token.scalar_change.id_code]].append(
+                    (now, int(token.scalar_change.value))
+                )
     return changes, unit, now
 
 
@@ -145,7 +161,9 @@ def test_a_dump_holds_the_pulses_to_the_tick(tmp_path, clock, decode):
 
 
 def test_a_dump_reads_as_viewers_want_it(tmp_path):
-    axis = AxisPulses("leg1", np.array([100, 200, 350]), np.array([1, 1, -1], np.int8), 0, 1e-6, 0.0)
+    axis = AxisPulses(
+        "leg1", np.array([100, 200, 350]), np.array([1, 1, -1], np.int8), 0, 1e-6, 0.0
+    )
     machine = SimpleNamespace(axes=(Axis("leg1"),), home_q=np.zeros(1))
     find_format("vcd")().write(
         ExportSource("p", machine, None, PulseSchedule(10**7, (axis,), 5e-5)), tmp_path / "p.vcd"
@@ -182,17 +200,24 @@ def steps_of(path, source):
     return [tuple(np.array(part, np.int64) for part in pair) for pair in found.values()]
 
 
-@pytest.mark.parametrize("options", [{}, {"within": 0.0}, {"within": 25e-6, "named": True}, {"least": 6e-6}])
+@pytest.mark.parametrize(
+    "options", [{}, {"within": 0.0}, {"within": 25e-6, "named": True}, {"least": 6e-6}]
+)
 def test_a_step_queue_holds_the_pulses_within_its_tolerance(tmp_path, options):
     source = pulsed(pulses=3000)
     done = find_format("steps")(**options).write(source, tmp_path / "p.steps")
     tolerance = round(options.get("within", 1e-6) * 1e7)
     travel = 0.0
-    for (ticks, signs), axis in zip(steps_of(tmp_path / "p.steps", source), source.pulses.axes, strict=True):
+    for (ticks, signs), axis in zip(
+        steps_of(tmp_path / "p.steps", source), source.pulses.axes, strict=True
+    ):
         assert (signs == axis.direction).all()
         assert abs(ticks - axis.ticks).max() <= tolerance
         assert np.diff(ticks).min() >= (60 if "least" in options else 1)
-        travel = max(travel, abs(np.interp(ticks, axis.ticks, np.arange(len(axis))) - np.arange(len(axis))).max())
+        travel = max(
+            travel,
+            abs(np.interp(ticks, axis.ticks, np.arange(len(axis))) - np.arange(len(axis))).max(),
+        )
     assert travel <= done.error <= tolerance / 60 + 1e-9
     first = next(line for line in (tmp_path / "p.steps").read_text().splitlines() if line[0] == "q")
     assert re.fullmatch(r"queue_step oid=\d interval=\d+ count=\d+ add=-?\d+" if options.get("named") else
@@ -207,8 +232,13 @@ def steps_decoder(tmp_path_factory):
         pytest.skip("there is no C compiler (cc)")
     program = tmp_path_factory.mktemp("c") / "steps_decoder"
     source = Path(__file__).parents[4] / "docs" / "examples" / "steps_decoder.c"
-    subprocess.run([compiler, "-std=c11", "-Wall", "-Wextra", "-Werror", "-O2", "-o", program, source], check=True)
-    return lambda file: subprocess.run([program], stdin=file.open(), capture_output=True, text=True, check=False)
+    subprocess.run(
+        [compiler, "-std=c11", "-Wall", "-Wextra", "-Werror", "-O2", "-o", program, source],
+        check=True,
+    )
+    return lambda file: subprocess.run(
+        [program], stdin=file.open(), capture_output=True, text=True, check=False
+    )
 
 
 def test_whole_number_firmware_steps_as_the_queue_says(tmp_path, steps_decoder):
@@ -224,7 +254,10 @@ def test_whole_number_firmware_steps_as_the_queue_says(tmp_path, steps_decoder):
 
 
 def test_a_motion_that_goes_on_resets_no_clock_of_a_stepper_that_moves(tmp_path, steps_decoder):
-    """Klipper's firmware refuses that. Its first command counts from the pulse before, at a tick below 0."""
+    """Klipper's firmware refuses that.
+
+    Its first command counts from the pulse before, at a tick below 0.
+    """
     source = pulsed(clock=12_000_000, pulses=2000)
     last = GivenPulse(-5, -5, -5, 1)
     far = replace(last, tick=-(1 << 30))
@@ -238,7 +271,10 @@ def test_a_motion_that_goes_on_resets_no_clock_of_a_stepper_that_moves(tmp_path,
     written = find_format("steps")(within=0.0).write(source, tmp_path / "a.steps")
     assert written.error == 0
     text = (tmp_path / "a.steps").read_text()
-    assert re.findall(r"reset_step_clock (\d)", text) == ["1", "2"]  # no pulse was sent there, or long ago
+    assert re.findall(r"reset_step_clock (\d)", text) == [
+        "1",
+        "2",
+    ]  # no pulse was sent there, or long ago
     assert "# oid 0 goes on, its last pulse at -5\n" in text
     first = int(re.search(r"queue_step 0 (\d+) 1 0", text)[1])
     assert first == source.pulses.axes[0].ticks[0] + 5
@@ -253,7 +289,10 @@ def test_a_motion_that_goes_on_resets_no_clock_of_a_stepper_that_moves(tmp_path,
     ("text", "words"),
     [
         ("queue_step 0 100 1 0\n", "before the axis has a clock"),
-        ("reset_step_clock 0 0\nset_next_step_dir 0 1\nqueue_step 0 10 3 -10\n", "line 3: steps that do not follow"),
+        (
+            "reset_step_clock 0 0\nset_next_step_dir 0 1\nqueue_step 0 10 3 -10\n",
+            "line 3: steps that do not follow",
+        ),
         ("reset_step_clock 0 0\nset_next_step_dir 0 1\nqueue_step 0 10 70000 0\n", "is no command"),
         ("reset_step_clock 0 9\nreset_step_clock 0 8\n", "goes back"),
         ("reset_step_clock 0 9", "ends within"),
@@ -282,7 +321,12 @@ def test_steps_come_in_the_order_in_which_they_are_needed(tmp_path):
 
 
 def table_of(path):
-    return np.array([[float(cell) for cell in line.split(" ")] for line in path.read_text("ascii").split("\n")[:-1]])
+    return np.array(
+        [
+            [float(cell) for cell in line.split(" ")]
+            for line in path.read_text("ascii").split("\n")[:-1]
+        ]
+    )
 
 
 def off_motion(source, positions, period):
@@ -290,7 +334,9 @@ def off_motion(source, positions, period):
     t = np.linspace(0, source.trajectory.duration, 20_011)
     nodes = np.arange(len(positions)) * period
     held = np.column_stack([np.interp(t, nodes, column) for column in positions.T])
-    return float((abs(held - source.trajectory.at(t).q) / [axis.pulse for axis in source.machine.axes]).max())
+    return float(
+        (abs(held - source.trajectory.at(t).q) / [axis.pulse for axis in source.machine.axes]).max()
+    )
 
 
 @pytest.mark.parametrize("origin", ["home", "natural"])
@@ -312,7 +358,10 @@ def test_halstreamer_counts_are_whole_and_in_the_wiring(tmp_path):
     assert re.fullmatch(r"(-?\d+ -?\d+\n)+", (tmp_path / "p.txt").read_text())
     table = table_of(tmp_path / "p.txt")
     t = np.minimum(np.arange(len(table)) * 1e-3, 3.0)
-    assert abs(table * [1, -1] - (source.trajectory.at(t).q - source.machine.home_q) / 1e-6).max() <= 0.5 + 1e-6
+    assert (
+        abs(table * [1, -1] - (source.trajectory.at(t).q - source.machine.home_q) / 1e-6).max()
+        <= 0.5 + 1e-6
+    )
 
 
 def contour_of(path):
@@ -322,7 +371,9 @@ def contour_of(path):
     width = len(lines[0]) - 3
     assert lines[-2:] == [f"CD {','.join('0' * width)}=0", ""]
     assert all(re.fullmatch(r"CD -?\d+(,-?\d+)*", line) for line in lines[2:-2])
-    return 1e-3 * 2 ** int(lines[1][3:]), np.array([[int(n) for n in line[3:].split(",")] for line in lines[2:-2]])
+    return 1e-3 * 2 ** int(lines[1][3:]), np.array(
+        [[int(n) for n in line[3:].split(",")] for line in lines[2:-2]]
+    )
 
 
 @pytest.mark.parametrize("interval", [1, 3, 8])
@@ -345,10 +396,30 @@ def test_galil_increments_add_up_to_the_motion(tmp_path, interval):
     [
         ("galil", {}, sampled([0.01] * 9), "axis axis8: 9 axes, but contour mode has at most 8"),
         ("galil", {"interval": 0}, sampled([0.01]), "interval 0: must be from 1 to 8"),
-        ("galil", {"interval": 8}, sampled([0.3]), r"axis axis0: \d+ counts in 256 ms, limit 32767"),
-        ("halstreamer", {}, sampled([0.01] * 22), "axis axis21: 22 axes, but a stream has at most 21"),
-        ("halstreamer", {"period": 0.0}, sampled([0.01]), "period must be one finite number in s above 0"),
-        ("halstreamer", {"unit": "counts", "origin": "natural"}, sampled([0.01]), "counts are from home"),
+        (
+            "galil",
+            {"interval": 8},
+            sampled([0.3]),
+            r"axis axis0: \d+ counts in 256 ms, limit 32767",
+        ),
+        (
+            "halstreamer",
+            {},
+            sampled([0.01] * 22),
+            "axis axis21: 22 axes, but a stream has at most 21",
+        ),
+        (
+            "halstreamer",
+            {"period": 0.0},
+            sampled([0.01]),
+            "period must be one finite number in s above 0",
+        ),
+        (
+            "halstreamer",
+            {"unit": "counts", "origin": "natural"},
+            sampled([0.01]),
+            "counts are from home",
+        ),
         ("vcd", {}, pulsed(pulses=2, axes=48), "48 axes, but a dump has at most 47"),
         ("vcd", {"width": 1.0}, pulsed(), "pulse width"),
         ("vcd", {}, pulsed(clock=999_999_937, closest=100), "clock 999999937 Hz"),
@@ -365,7 +436,9 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path, name, options, source, t
 @settings(deadline=None, max_examples=40)
 @given(st.lists(NAMES, min_size=1, max_size=3, unique=True), NAMES)
 def test_any_names_survive(tmp_path_factory, names, program):
-    """Quotes, commas, newlines, white space, $end, other alphabets: no name breaks a file or is taken for another."""
+    """Quotes, commas, newlines, white space, $end, other alphabets: no name breaks a file or is
+    taken for another.
+    """
     folder = tmp_path_factory.mktemp("names")
     source = pulsed(pulses=20, axes=len(names), names=names, program=program)
     find_format("vcd")().write(source, folder / "p.vcd")
@@ -380,7 +453,9 @@ def test_any_names_survive(tmp_path_factory, names, program):
     assert json.loads(re.match(r'# pulsepath ("(?:[^"\\]|\\.)*")', lines[0])[1]) == program
     for k, name in enumerate(names):
         assert json.loads(re.match(rf'# oid {k} = ("(?:[^"\\]|\\.)*")', lines[k + 1])[1]) == name
-    for (ticks, _), axis in zip(steps_of(folder / "p.steps", source), source.pulses.axes, strict=True):
+    for (ticks, _), axis in zip(
+        steps_of(folder / "p.steps", source), source.pulses.axes, strict=True
+    ):
         assert (ticks == axis.ticks).all()
 
 
@@ -423,4 +498,6 @@ def test_axes_without_pulses_and_pulses_at_tick_zero(tmp_path):
 def replace_silent(source):
     """Without the axis that never fires."""
     pulses = PulseSchedule(source.pulses.clock_hz, source.pulses.axes[1:], source.pulses.duration)
-    return ExportSource(source.name, SimpleNamespace(axes=source.machine.axes[1:], home_q=np.zeros(1)), None, pulses)
+    return ExportSource(
+        source.name, SimpleNamespace(axes=source.machine.axes[1:], home_q=np.zeros(1)), None, pulses
+    )

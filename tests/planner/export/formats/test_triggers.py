@@ -1,4 +1,6 @@
-"""Triggers in exported files: at their instants where the format holds them, else named in a warning."""
+"""Triggers in exported files: at their instants where the format holds them, else named in a
+warning.
+"""
 
 import csv
 import re
@@ -8,7 +10,17 @@ import numpy as np
 import pytest
 
 from kinematics import MotionError
-from planner import Dwell, Line, Program, PulseSchedule, Trigger, Triggered, import_program, load_program, plan
+from planner import (
+    Dwell,
+    Line,
+    Program,
+    PulseSchedule,
+    Trigger,
+    Triggered,
+    import_program,
+    load_program,
+    plan,
+)
 from planner.export.format import FORMATS, find_format, holds_triggers
 from planner.export.formats.g93 import is_machine_code, split_codes
 from planner.export.trigger_lines import ALL, describe_lost, join_lines, list_lines
@@ -19,7 +31,9 @@ OFFSETS = np.array([[10.0, 0, 20], [4, 3, 20], [0, 0, 25]]) * 1e-3
 
 @pytest.fixture(scope="module")
 def marked(hexapod):
-    """Triggers at the start, in motion, on arrival, within a dwell, and at the end; two of them share a name."""
+    """Triggers at the start, in motion, on arrival, within a dwell, and at the end; two of them
+    share a name.
+    """
     first, second, third = (Line(place) for place in OFFSETS)
     segments = (
         replace(first, trigger=Trigger("M3 S1200", 0.0)),
@@ -45,7 +59,9 @@ def test_a_format_holds_the_triggers_or_names_them(name, marked, tmp_path):
         assert any(note.startswith("triggers: 4") for note in done.notes)
     else:
         assert len(told) == 1
-        assert all(words in told[0] for words in ('"M3 S1200" at 0.0', '"photo"', "and 1 more time", "M5"))
+        assert all(
+            words in told[0] for words in ('"M3 S1200" at 0.0', '"photo"', "and 1 more time", "M5")
+        )
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -58,7 +74,9 @@ def test_without_triggers_nothing_is_said_of_them(name, planned, tmp_path):
 
 
 def test_edges_of_the_pulse_csv_come_with_the_counts_of_their_triggers(marked, tmp_path):
-    """Counted by the standard library: STEP edges up to the row in which a trigger's column rises."""
+    """Counted by the standard library: STEP edges up to the row in which a trigger's column
+    rises.
+    """
     marked.export("pulses", tmp_path / "p.csv")
     with (tmp_path / "p.csv").open(newline="", encoding="utf-8") as file:
         head, *rows = csv.reader(file, skipinitialspace=True)
@@ -73,7 +91,9 @@ def test_edges_of_the_pulse_csv_come_with_the_counts_of_their_triggers(marked, t
     for k, name in enumerate(("M3 S1200", "photo", 'M5 "off"')):
         for row in np.flatnonzero(rises[:, 12 + k]):
             seen.append((float(rows[row][0]), name, counts[row]))
-    for (t, name, own), event in zip(sorted(seen, key=lambda one: one[0]), marked.triggers, strict=True):
+    for (t, name, own), event in zip(
+        sorted(seen, key=lambda one: one[0]), marked.triggers, strict=True
+    ):
         assert name == event.name
         assert t == pytest.approx(event.time, abs=1.01 / marked.pulses.clock_hz)
         assert own.tolist() == event.counts.tolist()
@@ -109,7 +129,9 @@ def test_codes_of_inverse_time_stand_at_their_instants(marked, tmp_path):
         elif re.match(r"M6[35]", line):
             falls.append(line)
     assert [line for line, _ in rises] == ["M3 S1200", "M62 P0", "M64 P0", "M64 P1"]
-    assert [at for _, at in rises] == pytest.approx([event.time for event in marked.triggers], abs=2e-6)
+    assert [at for _, at in rises] == pytest.approx(
+        [event.time for event in marked.triggers], abs=2e-6
+    )
     assert falls == ["M63 P0", "M65 P0", "M65 P1"]
     assert text.rstrip().endswith("M64 P1\nM65 P1\nG94\nM2")
 
@@ -117,7 +139,11 @@ def test_codes_of_inverse_time_stand_at_their_instants(marked, tmp_path):
 def test_codes_come_back_as_triggers(marked, tmp_path):
     marked.export("g93", tmp_path / "p.ngc")
     found = import_program(tmp_path / "p.ngc", machine="hexapod").program
-    events = [segment.trigger for segment in found.segments if getattr(segment, "trigger", None) is not None]
+    events = [
+        segment.trigger
+        for segment in found.segments
+        if getattr(segment, "trigger", None) is not None
+    ]
     assert [(event.name, event.at) for event in events] == [
         ("M3 S1200", 0), ("photo", 1), ("photo", 1), ('M5 "off"', 1),
     ]  # fmt: skip
@@ -140,7 +166,9 @@ def test_columns_of_cyclic_positions_are_set_in_the_first_row_after(marked, cycl
     head = next(line for line in lines if line.startswith("cycle")).split(",")
     assert head[-3:] == ["trigger:0", "trigger:1", "trigger:2"]
     rows = [line.split(",") for line in lines if line[:1].isdigit()]
-    fired = [(int(row[0]) * cycle, k) for row in rows for k in range(3) for _ in range(int(row[k - 3]))]
+    fired = [
+        (int(row[0]) * cycle, k) for row in rows for k in range(3) for _ in range(int(row[k - 3]))
+    ]
     assert [k for _, k in fired] == [0, 1, 1, 2]
     for (t, _), event in zip(fired, marked.triggers, strict=True):
         assert -1e-9 <= t - event.time <= cycle
@@ -166,19 +194,38 @@ def _events(names, times):
 def test_many_names_share_one_line_and_triggers_of_one_tick_an_edge():
     schedule = PulseSchedule(10**6, (), 1.0)
     many = list_lines(_events([f"p{k}" for k in range(17)], np.arange(17) / 100), schedule)
-    assert [(line.name, line.ticks.tolist()) for line in many] == [(ALL, list(range(0, 170_000, 10_000)))]
+    assert [(line.name, line.ticks.tolist()) for line in many] == [
+        (ALL, list(range(0, 170_000, 10_000)))
+    ]
     twice = list_lines(_events("aab", [0.5, 0.5, 0.25]), schedule)
-    assert [(line.name, line.ticks.tolist()) for line in twice] == [("b", [250_000]), ("a", [500_000])]
+    assert [(line.name, line.ticks.tolist()) for line in twice] == [
+        ("b", [250_000]),
+        ("a", [500_000]),
+    ]
 
 
 def test_edges_of_one_name_stay_apart():
-    """Rising edges 5 ticks apart with a width of 20: each falls half-way to the next, the last after the width."""
+    """Rising edges 5 ticks apart with a width of 20: each falls half-way to the next, the last
+    after the width.
+    """
     schedule = PulseSchedule(10**6, (), 1.0)
     (line,) = list_lines(_events("aaa", [1e-5, 1.5e-5, 2e-5]), schedule)
     assert line.edges(20).tolist() == [10, 12, 15, 17, 20, 40]
-    rows = [(np.array([0, 12]), np.array([[0], [1]], np.uint8)), (np.array([30]), np.array([[0]], np.uint8))]
+    rows = [
+        (np.array([0, 12]), np.array([[0], [1]], np.uint8)),
+        (np.array([30]), np.array([[0]], np.uint8)),
+    ]
     joined = list(join_lines(iter(rows), [line], 20))
-    assert np.concatenate([ticks for ticks, _ in joined]).tolist() == [0, 10, 12, 15, 17, 20, 30, 40]
+    assert np.concatenate([ticks for ticks, _ in joined]).tolist() == [
+        0,
+        10,
+        12,
+        15,
+        17,
+        20,
+        30,
+        40,
+    ]
     assert np.concatenate([levels for _, levels in joined]).tolist() == [
         [0, 0], [0, 1], [1, 0], [1, 1], [1, 0], [1, 1], [0, 1], [0, 0],
     ]  # fmt: skip

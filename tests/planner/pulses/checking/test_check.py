@@ -1,4 +1,6 @@
-"""The pulse checker: honest schedules hold, every corruption of one is caught, and its figures are the true ones."""
+"""The pulse checker: honest schedules hold, every corruption of one is caught, and its figures are
+the true ones.
+"""
 
 import ast
 import inspect
@@ -20,7 +22,10 @@ CLOCK = 10_000_000
 def fire(motion, home=None, clock=CLOCK):
     start = motion.at(np.zeros(1)).q[0]
     return generate(
-        motion, [Axis(f"leg{i + 1}", pulse=PULSE) for i in range(len(start))], start if home is None else home, clock
+        motion,
+        [Axis(f"leg{i + 1}", pulse=PULSE) for i in range(len(start))],
+        start if home is None else home,
+        clock,
     )
 
 
@@ -61,14 +66,18 @@ def test_honest_schedules_of_random_motions_hold(seed):
     rng = np.random.default_rng(seed)
     count = rng.integers(2, 9)
     places = np.where(
-        rng.random((count, 2)) < 0.5, rng.integers(-40, 40, (count, 2)) / 2, rng.uniform(-20, 20, (count, 2))
+        rng.random((count, 2)) < 0.5,
+        rng.integers(-40, 40, (count, 2)) / 2,
+        rng.uniform(-20, 20, (count, 2)),
     )
     stay = rng.random(count - 1) < 0.3
     speeds = rng.choice([0.0, 0.0, 1e-3, -2e-3, 0.02], (count, 2))
     for k in np.flatnonzero(stay):
         places[k + 1], speeds[k], speeds[k + 1] = places[k], 0.0, 0.0
     motion = through(
-        0.2 + places * PULSE, speeds, np.concatenate(([0], np.cumsum(10 ** rng.uniform(-4, -1, count - 1))))
+        0.2 + places * PULSE,
+        speeds,
+        np.concatenate(([0], np.cumsum(10 ** rng.uniform(-4, -1, count - 1)))),
     )
     found = check(fire(motion, [0.2, 0.2]), motion)
     assert found.holds, found.faults
@@ -111,12 +120,18 @@ def drop_turn(a, rng):
 
 def double(a, rng):
     i = rng.integers(len(a.ticks))
-    a.ticks, a.direction = np.insert(a.ticks, i, a.ticks[i]), np.insert(a.direction, i, a.direction[i])
+    a.ticks, a.direction = (
+        np.insert(a.ticks, i, a.ticks[i]),
+        np.insert(a.direction, i, a.direction[i]),
+    )
 
 
 def double_next_tick(a, rng):
     i = rng.integers(len(a.ticks))
-    a.ticks, a.direction = np.insert(a.ticks, i + 1, a.ticks[i] + 1), np.insert(a.direction, i, a.direction[i])
+    a.ticks, a.direction = (
+        np.insert(a.ticks, i + 1, a.ticks[i] + 1),
+        np.insert(a.direction, i, a.direction[i]),
+    )
 
 
 def turn_round(a, rng):
@@ -232,17 +247,29 @@ def test_every_corrupted_schedule_is_caught(corrupt):
 def test_exchanged_axes_are_caught():
     motion = example()
     schedule = fire(motion)
-    found = check(replace(schedule, axes=(schedule.axes[1], schedule.axes[0], schedule.axes[2])), motion)
+    found = check(
+        replace(schedule, axes=(schedule.axes[1], schedule.axes[0], schedule.axes[2])), motion
+    )
     assert {fault.axis for fault in found.faults} == {"leg1", "leg2"}
 
 
 def test_chatter_in_a_rest_on_a_level_is_caught():
-    """On the level itself a pair breaks no bound; it is still a pulse of an axis that stands still."""
+    """On the level itself a pair breaks no bound; it is still a pulse of an axis that stands
+    still.
+    """
     motion = through([[0.5 * PULSE], [0.5 * PULSE], [4 * PULSE]], np.zeros((3, 1)), np.arange(3.0))
     (axis,) = fire(motion, [0.0]).axes
-    ticks, direction = np.concatenate(([100, 200], axis.ticks)), np.concatenate(([1, -1], axis.direction))
-    found = check(PulseSchedule(CLOCK, (AxisPulses("x", ticks, direction, 0, PULSE, 0.0),), 2.0), motion)
-    assert [(fault.tick, fault.what.split(":")[0]) for fault in found.faults] == [(100, "at rest"), (200, "at rest")]
+    ticks, direction = (
+        np.concatenate(([100, 200], axis.ticks)),
+        np.concatenate(([1, -1], axis.direction)),
+    )
+    found = check(
+        PulseSchedule(CLOCK, (AxisPulses("x", ticks, direction, 0, PULSE, 0.0),), 2.0), motion
+    )
+    assert [(fault.tick, fault.what.split(":")[0]) for fault in found.faults] == [
+        (100, "at rest"),
+        (200, "at rest"),
+    ]
 
 
 def test_a_missing_pair_is_caught_however_short_its_excursion():
@@ -252,7 +279,9 @@ def test_a_missing_pair_is_caught_however_short_its_excursion():
         motion = one_axis([[-top / 0.25, top / 0.25, 0.0]], [0, 1.0])
         assert len(fire(motion, [0.0]).axes[0]) == 2
         silent = PulseSchedule(
-            CLOCK, (AxisPulses("x", np.empty(0, np.int64), np.empty(0, np.int8), 0, PULSE, 0.0),), 1.0
+            CLOCK,
+            (AxisPulses("x", np.empty(0, np.int64), np.empty(0, np.int8), 0, PULSE, 0.0),),
+            1.0,
         )
         assert not check(silent, motion).holds, beyond
 
@@ -268,7 +297,9 @@ def test_a_late_pulse_is_reported_where_and_by_how_much():
     ticks[100] += 7
     found = check(PulseSchedule(CLOCK, (replace(axis, ticks=ticks),), 0.01), motion)
     exact = 7 + axis.ticks[100] - 100.5 * PULSE / speed * CLOCK
-    assert found.time_error == pytest.approx(exact, abs=1e-5)  # 0.2 m rounds to 2e-8 tick; float64 derivatives to less
+    assert found.time_error == pytest.approx(
+        exact, abs=1e-5
+    )  # 0.2 m rounds to 2e-8 tick; float64 derivatives to less
     assert [fault.tick for fault in found.faults] == [ticks[100]]
     assert found.faults[0].what.startswith("off its crossing: +")
     assert found.position_error == pytest.approx((exact - 1) * speed / CLOCK / PULSE, rel=1e-3)
@@ -301,7 +332,11 @@ def test_faults_are_counted_but_not_all_listed():
 
 def test_the_motion_is_asked_at_most_twice_per_pulse_in_blocks():
     rng = np.random.default_rng(0)
-    motion = through(0.2 + rng.uniform(-5e-3, 5e-3, (40, 2)), rng.uniform(-0.02, 0.02, (40, 2)), np.arange(40) * 0.5)
+    motion = through(
+        0.2 + rng.uniform(-5e-3, 5e-3, (40, 2)),
+        rng.uniform(-0.02, 0.02, (40, 2)),
+        np.arange(40) * 0.5,
+    )
     schedule = fire(motion)
     largest = 0
     at = motion.at
@@ -335,7 +370,9 @@ def test_a_schedule_of_another_machine_or_motion_is_caught(kind, changes):
     driven = [Axis(axis.name, pulse=axis.pulse)]
     assert check(schedule, motion, driven, [axis.home]).holds
     duration = changes.pop("duration", schedule.duration)
-    found = check(PulseSchedule(CLOCK, (replace(axis, **changes),), duration), motion, driven, [axis.home])
+    found = check(
+        PulseSchedule(CLOCK, (replace(axis, **changes),), duration), motion, driven, [axis.home]
+    )
     assert not found.holds
     assert any(kind in str(fault) for fault in found.faults)
 
@@ -346,13 +383,24 @@ def test_axes_must_match():
 
 
 def test_the_checker_shares_no_code_with_the_generator():
-    """Of the planner it may know what a schedule, a motion and a verdict are, and what play and screws do."""
-    known = {"planner.parallel", "planner.pulses.schedule", "planner.pulses.motion", "planner.pulses.checking"}
+    """Of the planner it may know what a schedule, a motion and a verdict are, and what play and
+    screws do.
+    """
+    known = {
+        "planner.parallel",
+        "planner.pulses.schedule",
+        "planner.pulses.motion",
+        "planner.pulses.checking",
+    }
     texts = {file: file.read_text() for file in Path(inspect.getfile(check)).parent.glob("*.py")}
     assert len(texts) > 5
     for text in texts.values():
-        imports = [node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)]
+        imports = [
+            node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)
+        ]
         own = {
-            name for name in imports if name.startswith("planner") and not name.startswith("planner.pulses.checking.")
+            name
+            for name in imports
+            if name.startswith("planner") and not name.startswith("planner.pulses.checking.")
         }
         assert own <= known

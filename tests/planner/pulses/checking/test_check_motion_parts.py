@@ -1,4 +1,6 @@
-"""Motion part by part beside pulses part by part: the verdict of the whole, in memory for a few parts."""
+"""Motion part by part beside pulses part by part: the verdict of the whole, in memory for a few
+parts.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -38,7 +40,9 @@ def test_parts_are_found_right_wherever_motion_and_pulses_are_cut(motion, cuts, 
     assert found.holds, found
 
 
-@pytest.mark.parametrize("fault", ["late", "missing", "turned", "motion short", "pulses of another"])
+@pytest.mark.parametrize(
+    "fault", ["late", "missing", "turned", "motion short", "pulses of another"]
+)
 @pytest.mark.parametrize("near", ["a seam", "the middle of a part"])
 def test_a_fault_is_found_as_in_the_whole(fault, near):
     motion, axes = example(4), [Axis(f"leg{k}", pulse=PULSE) for k in range(3)]
@@ -51,9 +55,15 @@ def test_a_fault_is_found_as_in_the_whole(fault, near):
     n = int(np.searchsorted(axis.ticks, at))
     changed = {
         "late": lambda: replace(axis, ticks=axis.ticks + 2 * (np.arange(len(axis)) == n)),
-        "missing": lambda: replace(axis, ticks=np.delete(axis.ticks, n), direction=np.delete(axis.direction, n)),
-        "turned": lambda: replace(axis, direction=axis.direction * np.where(np.arange(len(axis)) == n, -1, 1)),
-        "pulses of another": lambda: replace(axis, ticks=schedule.axes[0].ticks, direction=schedule.axes[0].direction),
+        "missing": lambda: replace(
+            axis, ticks=np.delete(axis.ticks, n), direction=np.delete(axis.direction, n)
+        ),
+        "turned": lambda: replace(
+            axis, direction=axis.direction * np.where(np.arange(len(axis)) == n, -1, 1)
+        ),
+        "pulses of another": lambda: replace(
+            axis, ticks=schedule.axes[0].ticks, direction=schedule.axes[0].direction
+        ),
     }
     if fault == "motion short":
         del parts[3 if near == "a seam" else -1]

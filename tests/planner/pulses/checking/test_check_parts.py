@@ -1,4 +1,6 @@
-"""Pulses in parts: the same verdict as of the whole wherever they are cut, read in memory that does not grow."""
+"""Pulses in parts: the same verdict as of the whole wherever they are cut, read in memory that does
+not grow.
+"""
 
 import tracemalloc
 from dataclasses import replace
@@ -25,16 +27,24 @@ def cut(schedule, ticks):
         axes = []
         for axis, start in zip(schedule.axes, starts, strict=True):
             inside = (axis.ticks >= lo) & (axis.ticks < hi)
-            axes.append(replace(axis, ticks=axis.ticks[inside], direction=axis.direction[inside], start=start))
+            axes.append(
+                replace(
+                    axis, ticks=axis.ticks[inside], direction=axis.direction[inside], start=start
+                )
+            )
         starts = [axis.final for axis in axes]
         yield replace(schedule, axes=tuple(axes))
 
 
-CUTS = st.lists(st.integers(0, 2_500_000), max_size=6).map(sorted)  # past the end of the motion as well
+CUTS = st.lists(st.integers(0, 2_500_000), max_size=6).map(
+    sorted
+)  # past the end of the motion as well
 
 
 @settings(max_examples=30, derandomize=True, deadline=None)
-@given(cuts=CUTS, late=st.sampled_from([0, 0, 3, 40_000]), rule=st.sampled_from(["nearest", "floor"]))
+@given(
+    cuts=CUTS, late=st.sampled_from([0, 0, 3, 40_000]), rule=st.sampled_from(["nearest", "floor"])
+)
 def test_the_verdict_does_not_depend_on_where_a_schedule_is_cut(three_legs, cuts, late, rule):
     """late: ticks by which a pulse of the second axis is off, so that there are faults to find."""
     motion, home = three_legs.counted, three_legs.machine.home_q
@@ -53,10 +63,16 @@ def test_the_verdict_does_not_depend_on_where_a_schedule_is_cut(three_legs, cuts
     assert holds_same_pulses(schedule, [join_schedules(cut(schedule, cuts))])
 
 
-@pytest.mark.parametrize("change", [{"ticks": np.array([10, 21])}, {"direction": np.array([1, 1], np.int8)}, "short"])
+@pytest.mark.parametrize(
+    "change", [{"ticks": np.array([10, 21])}, {"direction": np.array([1, 1], np.int8)}, "short"]
+)
 def test_another_schedule_is_not_the_same(change):
     axis = AxisPulses("x", np.array([10, 20]), np.array([1, -1], np.int8), 0, PULSE, 0.0)
-    other = replace(axis, ticks=axis.ticks[:1], direction=axis.direction[:1]) if change == "short" else None
+    other = (
+        replace(axis, ticks=axis.ticks[:1], direction=axis.direction[:1])
+        if change == "short"
+        else None
+    )
     other = other or replace(axis, **change)
     one, two = (PulseSchedule(10_000_000, (each,), 1.0) for each in (axis, other))
     assert holds_same_pulses(one, [one])
@@ -76,21 +92,28 @@ def test_a_file_reads_the_same_in_pieces_of_any_size(three_legs, tmp_path, monke
     assert holds_same_pulses(three_legs.pulses, (part.schedule for part in parts))
     assert parts[-1].times == expected.times
     told = []
-    assert check_file(tmp_path / "p.csv", three_legs, lambda done, of: told.append((done, of))).holds
+    assert check_file(
+        tmp_path / "p.csv", three_legs, lambda done, of: told.append((done, of))
+    ).holds
     assert told == sorted(set(told))
     assert told[-1] == (told[0][1],) * 2 == ((tmp_path / "p.csv").stat().st_size,) * 2
 
 
 def test_reading_takes_no_memory_for_the_pulses_that_are_read(tmp_path, monkeypatch):
-    """Twice the pulses take the same: the growth allowed is a tenth of what their ticks alone would take."""
+    """Twice the pulses take the same: the growth allowed is a tenth of what their ticks alone would
+    take.
+    """
     monkeypatch.setattr(edge_reader, "PART_BYTES", 1 << 15)
     axes, peaks = [Axis("x", pulse=PULSE)], []
     for pulses in (30_000, 60_000):
-        made = AxisPulses("x", 100 * np.arange(1, pulses + 1), np.ones(pulses, np.int8), 0, PULSE, 0.0)
+        made = AxisPulses(
+            "x", 100 * np.arange(1, pulses + 1), np.ones(pulses, np.int8), 0, PULSE, 0.0
+        )
         pulse_csv.write(PulseSchedule(10_000_000, (made,), 1.0), tmp_path / "p.csv", [1])
         tracemalloc.start()
         assert sum(
-            len(part.schedule.axes[0]) for part in edge_reader.parts(tmp_path / "p.csv", 10_000_000, axes, [0.0])
+            len(part.schedule.axes[0])
+            for part in edge_reader.parts(tmp_path / "p.csv", 10_000_000, axes, [0.0])
         )
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()

@@ -1,4 +1,6 @@
-"""What the checker holds every rule to: each of 200 or more seeded corruptions of a schedule is caught under each."""
+"""What the checker holds every rule to: each of 200 or more seeded corruptions of a schedule is
+caught under each.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -32,7 +34,9 @@ def shift_two(a, rng):
 
 
 def a_little(a, rng):
-    """By a tick, away from where the rule has it: a level 0.2 beyond half a pulse, a whole count, a timer's, a look."""
+    """By a tick, away from where the rule has it: a level 0.2 beyond half a pulse, a whole count, a
+    timer's, a look.
+    """
     i = rng.integers(len(a.ticks))
     a.ticks[i] += 1 if a.grain > 1 else 2
 
@@ -63,9 +67,15 @@ def test_every_corrupted_schedule_is_caught_under_every_rule(rule):
             a.ticks, a.direction = axis.ticks.copy(), axis.direction.copy()
             a.grain = 5 if rule == "timer" else 1
             corrupt(a, rng)
-            false = AxisPulses(axis.name, a.ticks, a.direction, int(a.start), axis.pulse, axis.home, axis.bound)
+            false = AxisPulses(
+                axis.name, a.ticks, a.direction, int(a.start), axis.pulse, axis.home, axis.bound
+            )
             found = check(
-                replace(schedule, axes=tuple(false if i == k else one for i, one in enumerate(schedule.axes))), motion
+                replace(
+                    schedule,
+                    axes=tuple(false if i == k else one for i, one in enumerate(schedule.axes)),
+                ),
+                motion,
             )
             if found.holds:
                 missed.append((corrupt.__name__, seed))
@@ -77,18 +87,25 @@ def test_every_corrupted_schedule_is_caught_under_every_rule(rule):
 def test_a_pulse_the_wrong_way_is_caught_whatever_is_known_of_the_rule(rule):
     """Inside a bound of three pulses, a pulse back against a steady motion and two forwards."""
     motion, home = in_pulses([400.0, 0.0])
-    made = generate(motion, [Axis("x", pulse=PULSE)], home, CLOCK, rule if rule != "mine" else "nearest")
+    made = generate(
+        motion, [Axis("x", pulse=PULSE)], home, CLOCK, rule if rule != "mine" else "nearest"
+    )
     (axis,) = made.axes
     assert len(axis) > 300
     ticks = np.insert(axis.ticks, 101, axis.ticks[100] + np.array([300, 600]))
     direction = np.insert(axis.direction, 101, [-1, 1])
     wrong = replace(axis, ticks=ticks, direction=direction, bound=max(3.0, axis.bound))
-    assert not check(replace(made, rule="mine" if rule == "mine" else made.rule, axes=(wrong,)), motion).holds
+    assert not check(
+        replace(made, rule="mine" if rule == "mine" else made.rule, axes=(wrong,)), motion
+    ).holds
 
 
 def test_what_the_checker_writes_down_again_is_what_the_rules_say():
     """The defaults of the rules' options, and the way that `floor` leaves to a whole count."""
-    told = {name: {key: field.default for key, field in options(rule).items()} for name, rule in RULES.items()}
+    told = {
+        name: {key: field.default for key, field in options(rule).items()}
+        for name, rule in RULES.items()
+    }
     assert told["sampled"]["period"] == standards.SAMPLED_PERIOD
     assert told["timer"]["clock"] == standards.TIMER_RATE
     assert list(told["dda"].values()) == [
@@ -111,7 +128,9 @@ def moved():
 
 
 def test_pulses_moved_for_their_drive_are_allowed_and_the_others_stay_exact(moved):
-    """Each other pulse shifted by two ticks is caught, and so is a moved one that is farther off than stated."""
+    """Each other pulse shifted by two ticks is caught, and so is a moved one that is farther off
+    than stated.
+    """
     motion, schedule, turn = moved
     (axis,), (cost,) = schedule.axes, schedule.moves
     assert cost.pulses == 2
@@ -141,7 +160,9 @@ def test_moves_must_be_as_many_as_stated(moved):
 
 @pytest.mark.parametrize("rule", ["nearest", *RULES_HELD, "sampled:period=7us"])
 def test_honest_schedules_with_moved_pulses_hold_under_every_rule(rule):
-    """First pulses before their set-up, and reversals: moved within a look, by whole looks, past a turn."""
+    """First pulses before their set-up, and reversals: moved within a look, by whole looks, past a
+    turn.
+    """
     moved = 0
     for seed in range(25):
         motion = example(seed)

@@ -1,4 +1,6 @@
-"""The check of compensation: a bug in what is counted is seen, since the counts are carried through play and screw."""
+"""The check of compensation: a bug in what is counted is seen, since the counts are carried through
+play and screw.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -22,7 +24,13 @@ BOTH = ("lead", "backlash")
 def made(seed, kinds=BOTH, **more):
     motion = example(seed)
     home = motion.at(np.zeros(1)).q[0] - 1e-4
-    stated = {"pulse": PULSE, "max_speed": 0.05, "max_acceleration": 5.0, "backlash": 5e-6, "lead_error": TABLE}
+    stated = {
+        "pulse": PULSE,
+        "max_speed": 0.05,
+        "max_acceleration": 5.0,
+        "backlash": 5e-6,
+        "lead_error": TABLE,
+    }
     axes = [Axis(f"leg{k}", compensate=kinds, **(stated | more)) for k in range(3)]
     return counted_motion(motion, axes, home), axes, home
 
@@ -63,7 +71,10 @@ def test_a_bug_in_taking_up_the_play_is_no_proof_of_itself(monkeypatch, bug):
     motors, axes, home = made(1)
     found = check(generate(motors, axes, home), motors, axes, home)
     assert not found.holds
-    assert all(fault.what.startswith("behind play and screw, far from its count: ") for fault in found.faults)
+    assert all(
+        fault.what.startswith("behind play and screw, far from its count: ")
+        for fault in found.faults
+    )
 
 
 @pytest.mark.parametrize(
@@ -85,7 +96,9 @@ def test_a_table_that_is_mistaken_is_seen(table):
 
 def test_play_that_is_pushed_to_the_other_side_is_seen():
     motors, axes, home = made(1)
-    assert not check(generate(motors, axes, home), motors, [replace(axis, pushed="-") for axis in axes], home).holds
+    assert not check(
+        generate(motors, axes, home), motors, [replace(axis, pushed="-") for axis in axes], home
+    ).holds
 
 
 def test_the_file_of_a_mistaken_compensation_is_no_proof(monkeypatch, tmp_path):
@@ -94,7 +107,9 @@ def test_the_file_of_a_mistaken_compensation_is_no_proof(monkeypatch, tmp_path):
             monkeypatch.setattr(compensate, "taken_up", bug)
         motors, axes, home = made(1)
         schedule = generate(motors, axes, home)
-        plan = SimpleNamespace(machine=SimpleNamespace(axes=axes, home_q=home), counted=motors, pulses=schedule)
+        plan = SimpleNamespace(
+            machine=SimpleNamespace(axes=axes, home_q=home), counted=motors, pulses=schedule
+        )
         pulse_csv.write(schedule, tmp_path / "p.csv", [1, 1, 1])
         assert check_file(tmp_path / "p.csv", plan).holds == (bug is None)
         (tmp_path / "p.csv").unlink()

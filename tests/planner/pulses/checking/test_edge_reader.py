@@ -1,4 +1,6 @@
-"""Rows laid out alike are read digit by digit: the very numbers that numpy's own reader finds, or not at all."""
+"""Rows laid out alike are read digit by digit: the very numbers that numpy's own reader finds, or
+not at all.
+"""
 
 from io import BytesIO
 
@@ -13,7 +15,10 @@ from planner.pulses.checking.edge_reader import _read_even_rows
 @given(
     st.integers(1, 6),
     st.integers(1, 9),
-    st.lists(st.tuples(st.integers(0, 10**15 - 1), st.lists(st.booleans(), min_size=3, max_size=3)), min_size=2),
+    st.lists(
+        st.tuples(st.integers(0, 10**15 - 1), st.lists(st.booleans(), min_size=3, max_size=3)),
+        min_size=2,
+    ),
     st.sampled_from([b", ", b","]),
     st.sampled_from([b"\n", b"\r\n"]),
 )
@@ -21,7 +26,9 @@ def test_they_are_what_numpy_reads(whole, decimals, rows, comma, end):
     """Up to 15 digits, by strtod: both are the floats nearest to the decimals."""
     digits = [b"%0*d" % (whole + decimals, number % 10 ** (whole + decimals)) for number, _ in rows]
     levels = [b"".join(comma + b"%d" % level for level in row) for _, row in rows]
-    lines = [each[:whole] + b"." + each[whole:] + row for each, row in zip(digits, levels, strict=True)]
+    lines = [
+        each[:whole] + b"." + each[whole:] + row for each, row in zip(digits, levels, strict=True)
+    ]
     text = end.join(lines) + end[:-1]
     found = _read_even_rows(text, 4)
     assert found is not None
@@ -48,7 +55,8 @@ def test_what_is_laid_out_otherwise_is_left_to_others(second):
 
 
 @pytest.mark.parametrize(
-    "first", [b"-0.10, 0, 1", b"1e-3, 0, 1", b"0.1000000000000000, 0, 1", b"0.1, 0", b"nan, 0, 1", b""]
+    "first",
+    [b"-0.10, 0, 1", b"1e-3, 0, 1", b"0.1000000000000000, 0, 1", b"0.1, 0", b"nan, 0, 1", b""],
 )
 def test_so_is_a_first_row_of_another_kind(first):
     assert _read_even_rows(first + b"\n" + first, 3) is None

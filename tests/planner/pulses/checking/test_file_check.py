@@ -1,4 +1,6 @@
-"""The check of a written file: honest ones hold with true figures, and each of 250 corrupted ones is caught."""
+"""The check of a written file: honest ones hold with true figures, and each of 250 corrupted ones
+is caught.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -20,12 +22,16 @@ CORRUPTED = 250
 
 @pytest.fixture(scope="module")
 def plan():
-    """Some 400 pulses of three axes with a rest, on drives that ask for little less than they get."""
+    """Some 400 pulses of three axes with a rest, on drives that ask for little less than they
+    get.
+    """
     motion = example(5, size=0.25)
     home = motion.at(np.zeros(1)).q[0]
     axes = [Axis(f"leg{k}", pulse=PULSE, timing=find_drive("DRV8825")) for k in range(3)]
     schedule = generate(motion, axes, home)
-    return SimpleNamespace(machine=SimpleNamespace(axes=axes, home_q=home), counted=motion, pulses=schedule)
+    return SimpleNamespace(
+        machine=SimpleNamespace(axes=axes, home_q=home), counted=motion, pulses=schedule
+    )
 
 
 @pytest.fixture(scope="module")
@@ -48,13 +54,18 @@ def test_an_honest_file_holds(plan, text, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "timing", [None, find_drive("DRV8825"), find_drive("TMC2209"), StepTiming(5e-6, 1e-6, 1e-6, 8e-6)]
+    "timing",
+    [None, find_drive("DRV8825"), find_drive("TMC2209"), StepTiming(5e-6, 1e-6, 1e-6, 8e-6)],
 )
 def test_times_worked_out_from_pulses_are_those_on_the_lines(plan, tmp_path, timing):
-    """The figures of the check of pulses alone, against the edges of the file that were timed one by one."""
+    """The figures of the check of pulses alone, against the edges of the file that were timed one
+    by one.
+    """
     axes = [replace(axis, timing=timing) for axis in plan.machine.axes]
     pulse_csv.write(plan.pulses, tmp_path / "p.csv", [1, 1, 1], timing=[timing] * 3)
-    other = SimpleNamespace(**{**vars(plan), "machine": SimpleNamespace(axes=axes, home_q=plan.machine.home_q)})
+    other = SimpleNamespace(
+        **{**vars(plan), "machine": SimpleNamespace(axes=axes, home_q=plan.machine.home_q)}
+    )
     on_lines = [axis.lines for axis in check_file(tmp_path / "p.csv", other).axes]
     alone = check(plan.pulses, plan.counted, axes, plan.machine.home_q)
     assert time_lines(alone, plan.pulses.clock_hz, axes) == tuple(on_lines)
@@ -63,7 +74,9 @@ def test_times_worked_out_from_pulses_are_those_on_the_lines(plan, tmp_path, tim
     pieces = [
         replace(
             plan.pulses,
-            axes=tuple(replace(a, ticks=a.ticks[b:e], direction=a.direction[b:e]) for a in plan.pulses.axes),
+            axes=tuple(
+                replace(a, ticks=a.ticks[b:e], direction=a.direction[b:e]) for a in plan.pulses.axes
+            ),
         )
         for b, e in pairwise(cuts)
     ]
@@ -90,7 +103,9 @@ def test_where_no_width_fits_nothing_is_said_of_lines(plan):
 def test_what_another_drive_would_not_see_is_a_fault(plan, text, tmp_path, timing, told):
     (tmp_path / "p.csv").write_text(text)
     axes = [replace(axis, timing=timing) for axis in plan.machine.axes]
-    slower = SimpleNamespace(**{**vars(plan), "machine": SimpleNamespace(axes=axes, home_q=plan.machine.home_q)})
+    slower = SimpleNamespace(
+        **{**vars(plan), "machine": SimpleNamespace(axes=axes, home_q=plan.machine.home_q)}
+    )
     found = check_file(tmp_path / "p.csv", slower)
     assert not found.holds
     assert any(fault.what.startswith(told) for fault in found.faults)
@@ -105,7 +120,12 @@ def rows_of(text):
 
 def text_of(header, rows):
     """As a file may be written: times as decimals, levels after them."""
-    return "\n".join([header, *(", ".join([f"{row[0] / 1e7:.9f}", *map(str, row[1:])]) for row in rows)]) + "\n"
+    return (
+        "\n".join(
+            [header, *(", ".join([f"{row[0] / 1e7:.9f}", *map(str, row[1:])]) for row in rows)]
+        )
+        + "\n"
+    )
 
 
 def pulses_of(rows, k):
@@ -199,7 +219,17 @@ def same_time(rows, k, rng):
     rows[i][0] = rows[i - 1][0]
 
 
-KINDS = [drop_pulse, add_pulse, turn_pulse, late_pulse, shift_all, other_axis, wrong_way, cut_short, slower_clock]
+KINDS = [
+    drop_pulse,
+    add_pulse,
+    turn_pulse,
+    late_pulse,
+    shift_all,
+    other_axis,
+    wrong_way,
+    cut_short,
+    slower_clock,
+]
 KINDS += [narrow, bad_level, same_time]
 
 
@@ -207,7 +237,10 @@ def test_a_file_cut_between_two_lines_is_refused(plan, text, tmp_path):
     """The last falling edge is missing: STEP would stay high."""
     lines = text.splitlines(keepends=True)
     (tmp_path / "p.csv").write_text("".join(lines[:-1]))
-    with pytest.raises(FileError, match=rf":{len(lines) - 1}: row: leaves STEP of leg\d high: the file has been cut"):
+    with pytest.raises(
+        FileError,
+        match=rf":{len(lines) - 1}: row: leaves STEP of leg\d high: the file has been cut",
+    ):
         check_file(tmp_path / "p.csv", plan)
 
 
@@ -220,7 +253,9 @@ def test_a_byte_order_mark_and_other_line_ends_are_read(plan, text, tmp_path, ch
 
 
 def test_every_corrupted_file_is_caught(plan, text, tmp_path):
-    """Seeded: a pulse dropped, added, turned round, moved by 2 ticks or more; axes swapped, a clock off by 1e-4, …"""
+    """Seeded: a pulse dropped, added, turned round, moved by 2 ticks or more; axes swapped, a clock
+    off by 1e-4, …
+    """
     header, honest = rows_of(text)
     assert check_text(plan, text_of(header, honest), tmp_path)
     missed, caught = [], dict.fromkeys((kind.__name__ for kind in KINDS), 0)

@@ -1,4 +1,6 @@
-"""Compensation: behind a simulated screw and its play, the axis is where the motion says, as far as it is stated."""
+"""Compensation: behind a simulated screw and its play, the axis is where the motion says, as far as
+it is stated.
+"""
 
 from dataclasses import replace
 
@@ -20,7 +22,9 @@ TABLE = ((0.0, 0.0), (1e-4, 3e-6), (2e-4, -2e-6), (4e-4, 1e-6))
 
 
 def axis_position(u, backlash):
-    """Behind play: the axis stays until the motor pushes it, from either side; it began pushed towards greater q."""
+    """Behind play: the axis stays until the motor pushes it, from either side; it began pushed
+    towards greater q.
+    """
     axis = np.empty_like(u)
     at = u[0]
     for i, motor in enumerate(u):
@@ -30,7 +34,9 @@ def axis_position(u, backlash):
 
 
 def behind(counted, home, axis):
-    """Where a counted position leaves the axis: through the play, and through a screw linear between its points."""
+    """Where a counted position leaves the axis: through the play, and through a screw linear
+    between its points.
+    """
     u = counted - home
     if "backlash" in axis.compensate:
         u = axis_position(u, axis.backlash)
@@ -41,7 +47,13 @@ def behind(counted, home, axis):
 
 def axes(motion, kinds, backlash=5e-6):
     n = motion.at(np.zeros(1)).q.shape[1]
-    common = {"pulse": PULSE, "max_speed": 0.05, "max_acceleration": 5.0, "backlash": backlash, "lead_error": TABLE}
+    common = {
+        "pulse": PULSE,
+        "max_speed": 0.05,
+        "max_acceleration": 5.0,
+        "backlash": backlash,
+        "lead_error": TABLE,
+    }
     return [Axis(f"leg{k}", compensate=kinds, **common) for k in range(n)]
 
 
@@ -94,7 +106,9 @@ def test_its_pulses_hold_against_it_and_leave_the_real_axis_within_what_is_state
 
 def test_while_the_axis_rests_the_play_costs_nothing():
     """Up, a rest of 0.1 s, and down."""
-    motion = through(np.array([[0.0], [3e-4], [3e-4], [0.0]]), np.zeros((4, 1)), np.array([0.0, 0.1, 0.2, 0.3]))
+    motion = through(
+        np.array([[0.0], [3e-4], [3e-4], [0.0]]), np.zeros((4, 1)), np.array([0.0, 0.1, 0.2, 0.3])
+    )
     (axis,) = axes(motion, ("backlash",))
     made = compensate_motion(motion, [axis], np.zeros(1))
     assert made.costs[0].crossings == 1
@@ -119,7 +133,8 @@ def test_trembling_by_less_than_half_a_pulse_is_no_reversal():
 
 
 def zigzag(*ways, time=0.1, rest=0.0):
-    """One axis from rest to rest at constant accelerations ±a (a quarter of the way each is a·time²/16), rests between.
+    """One axis from rest to rest at constant accelerations ±a (a quarter of the way each is
+    a·time²/16), rests between.
 
     At every turn without a rest its acceleration is the largest that it has.
     """
@@ -148,12 +163,17 @@ def crossing(made, n=2001):
 
 
 def test_at_rest_motor_and_screw_take_the_play_up_as_fast_as_the_limits_let_them():
-    """10 b/√3 T² = a, 15 b/8 T = v, 60 b/T³ = j: the smooth step alone, at whichever takes longest."""
+    """10 b/√3 T² = a, 15 b/8 T = v, 60 b/T³ = j: the smooth step alone, at whichever takes
+    longest.
+    """
     motion = zigzag(1e-3, -1e-3, rest=0.1)
     for limits, time in (
         ({"max_acceleration": 1.0}, np.sqrt(10 / np.sqrt(3) * 5e-6)),
         ({"max_acceleration": (2.0, 1.0)}, np.sqrt(10 / np.sqrt(3) * 5e-6)),
-        ({"max_acceleration": 1.0, "take_up_acceleration": 4.0}, np.sqrt(10 / np.sqrt(3) * 5e-6) / 2),
+        (
+            {"max_acceleration": 1.0, "take_up_acceleration": 4.0},
+            np.sqrt(10 / np.sqrt(3) * 5e-6) / 2,
+        ),
         ({"max_speed": 5e-4}, 15 / 8 * 5e-6 / 5e-4),
         ({"max_acceleration": 1.0, "max_jerk": 2.0}, np.cbrt(60 * 5e-6 / 2.0)),
     ):
@@ -166,9 +186,18 @@ def test_at_rest_motor_and_screw_take_the_play_up_as_fast_as_the_limits_let_them
 
 
 def test_where_there_is_no_rest_jerk_is_told_and_costs_no_time():
-    """∛(60 b/j) = 42 ms would leave the axis off by 0.4 m/s² · (42 ms)²/8 = 89 µm, for 5 µm of play."""
+    """∛(60 b/j) = 42 ms would leave the axis off by 0.4 m/s² · (42 ms)²/8 = 89 µm, for 5 µm of
+    play.
+    """
     motion = zigzag(1e-3, -1e-3)
-    axis = Axis("x", pulse=PULSE, max_acceleration=0.8, max_jerk=4.0, backlash=5e-6, compensate=("backlash",))
+    axis = Axis(
+        "x",
+        pulse=PULSE,
+        max_acceleration=0.8,
+        max_jerk=4.0,
+        backlash=5e-6,
+        compensate=("backlash",),
+    )
     (cost,) = compensate_motion(motion, [axis], np.zeros(1)).costs
     (same,) = compensate_motion(motion, [replace(axis, max_jerk=None)], np.zeros(1)).costs
     assert cost == same
@@ -178,15 +207,24 @@ def test_where_there_is_no_rest_jerk_is_told_and_costs_no_time():
 def test_a_motion_at_its_limit_while_it_turns_leaves_no_room_and_is_refused():
     motion = zigzag(1e-3, -1e-3)  # at 0.4 m/s² throughout
     axis = Axis("x", pulse=PULSE, max_acceleration=0.4, backlash=5e-6, compensate=("backlash",))
-    with pytest.raises(Infeasible, match=r"x, s = .*, t = 0\.\d+ s; .* 5 µm of play where x turns: let it rest") as no:
+    with pytest.raises(
+        Infeasible, match=r"x, s = .*, t = 0\.\d+ s; .* 5 µm of play where x turns: let it rest"
+    ) as no:
         generate(motion, [axis], [0.0])
     told = no.value
-    assert (told.kind, told.axis, told.limit, told.unit) == ("acceleration with play taken up", "x", 0.4, "m/s^2")
+    assert (told.kind, told.axis, told.limit, told.unit) == (
+        "acceleration with play taken up",
+        "x",
+        0.4,
+        "m/s^2",
+    )
     assert abs(told.place.t - 0.1) < 0.02
     assert 0.4 < told.value < 0.8
     # what the remedy says: a rest of that time, or a motor that does more with no load on it
     rest = float(told.remedy.partition("rest there for ")[2].split()[0])
-    assert generate(zigzag(1e-3, -1e-3, rest=rest * 1.001), [axis], [0.0]).compensations[0].off < 1e-9
+    assert (
+        generate(zigzag(1e-3, -1e-3, rest=rest * 1.001), [axis], [0.0]).compensations[0].off < 1e-9
+    )
     assert "state a take_up_acceleration" in told.remedy
     lighter = replace(axis, take_up_acceleration=1.2)
     (cost,) = generate(motion, [lighter], [0.0]).compensations
@@ -219,22 +257,34 @@ def test_a_speed_beyond_the_limit_is_refused_too():
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.integers(0, 10_000), st.floats(0.02, 0.3), st.floats(0.3, 30.0), st.sampled_from([2e-6, 2e-5]))
-def test_motion_and_take_up_together_keep_the_limits_or_are_refused(seed, speed, acceleration, backlash):
+@given(
+    st.integers(0, 10_000),
+    st.floats(0.02, 0.3),
+    st.floats(0.3, 30.0),
+    st.sampled_from([2e-6, 2e-5]),
+)
+def test_motion_and_take_up_together_keep_the_limits_or_are_refused(
+    seed, speed, acceleration, backlash
+):
     motion = example(seed)
     home = motion.at(np.zeros(1)).q[0]
     limits = {"max_speed": speed, "max_acceleration": (acceleration, 2 * acceleration)}
-    driven = [Axis(f"leg{k}", pulse=PULSE, backlash=backlash, compensate=("backlash",), **limits) for k in range(3)]
+    driven = [
+        Axis(f"leg{k}", pulse=PULSE, backlash=backlash, compensate=("backlash",), **limits)
+        for k in range(3)
+    ]
     try:
         made = compensate_motion(motion, driven, home)
     except Infeasible:
-        # twice the motion's own acceleration a on top of it is enough: b 10/√3 T² = 2 a is off by a T²/8 = 0.36 b
+        # twice the motion's own acceleration a on top of it is enough: b 10/√3 T² = 2 a is off by a
+        # T²/8 = 0.36 b
         assert acceleration < 3 * abs(motion.at(np.linspace(0, motion.duration, 2001)).qdd).max()
         return
     for k, (steps, cost) in enumerate(zip(made.steps, made.costs, strict=True)):
         t = (steps[:, :1] + steps[:, 1:2] * np.linspace(0, 1, 501)).ravel()
         state = made.at(t)
-        # between the places that were looked at, 1/64 of a step apart, a parabola's top is higher by (π/128)²/2 at most
+        # between the places that were looked at, 1/64 of a step apart, a parabola's top is higher
+        # by (π/128)²/2 at most
         assert abs(state.qd[:, k]).max() <= speed * (1 + 1e-3)
         assert (-acceleration * (1 + 1e-3) <= state.qdd[:, k]).all()
         assert (state.qdd[:, k] <= 2 * acceleration * (1 + 1e-3)).all()
@@ -245,10 +295,14 @@ def test_motion_and_take_up_together_keep_the_limits_or_are_refused(seed, speed,
 def test_a_rest_that_rounding_moves_is_a_rest():
     """A dwell whose two ends differ in the last digits."""
     motion = zigzag(1e-3, -1e-3, rest=0.1)
-    rough = one_axis([[0, 5e-3, 0.2], [0, 1e-15, 0.2005], [0, -5e-3, 0.2005 + 1e-16]], [0, 0.1, 0.2, 0.3])
+    rough = one_axis(
+        [[0, 5e-3, 0.2], [0, 1e-15, 0.2005], [0, -5e-3, 0.2005 + 1e-16]], [0, 0.1, 0.2, 0.3]
+    )
     axis = Axis("x", pulse=PULSE, max_acceleration=0.4, backlash=5e-6, compensate=("backlash",))
     for each in (motion, rough):
-        assert compensate_motion(each, [axis], np.zeros(1)).steps[0][0, :2].sum() == pytest.approx(0.2, abs=1e-9)
+        assert compensate_motion(each, [axis], np.zeros(1)).steps[0][0, :2].sum() == pytest.approx(
+            0.2, abs=1e-9
+        )
 
 
 def test_a_run_back_that_turns_nothing_is_told():
@@ -283,9 +337,13 @@ def test_a_kind_of_compensation_that_there_is_not_is_refused():
 
 
 def test_a_steady_motion_over_a_corner_of_the_table_is_met_on_both_sides():
-    """A knot lies on a point of the table only to rounding: the time says on which side of it a state is."""
+    """A knot lies on a point of the table only to rounding: the time says on which side of it a
+    state is.
+    """
     for speed in np.linspace(1e-3, 2e-3, 25):
-        motion = through(np.array([[0.0], [speed * 0.3]]), np.full((2, 1), speed), np.array([0.0, 0.3]))
+        motion = through(
+            np.array([[0.0], [speed * 0.3]]), np.full((2, 1), speed), np.array([0.0, 0.3])
+        )
         (axis,) = axes(motion, ("lead",))
         assert generate(motion, [axis], [0.0]).total > 0
 
@@ -304,13 +362,19 @@ def test_more_pulses_than_the_axis_takes_are_refused():
     assert no.value.value == pytest.approx(rate / 0.99, rel=1e-3)
 
 
-@pytest.mark.parametrize("limit", [{"max_pulse_rate": 5e3}, {"max_speed": 0.05}, {"max_speed": (0.05, 0.2)}])
+@pytest.mark.parametrize(
+    "limit", [{"max_pulse_rate": 5e3}, {"max_speed": 0.05}, {"max_speed": (0.05, 0.2)}]
+)
 def test_limits_of_speed_and_rate_are_the_motor_s_behind_its_screw(limit):
-    """Planned to 1 % below them, and its motor at them: nothing is refused, and the certificate says 1."""
+    """Planned to 1 % below them, and its motor at them: nothing is refused, and the certificate
+    says 1.
+    """
     stated = {"pulse": 1e-5, "travel": (-1.0, 1.0), "max_speed": 0.2, "max_acceleration": 0.5}
     axes = [Axis(name, **stated) for name in "XYZ"]
     axes[0] = replace(axes[0], lead_error=SHORT, compensate=("lead",), **limit)
-    rotary = Axis("R", kind="rotary", pulse=1e-4, travel=(-4.0, 4.0), max_speed=1.0, max_acceleration=2.0)
+    rotary = Axis(
+        "R", kind="rotary", pulse=1e-4, travel=(-4.0, 4.0), max_speed=1.0, max_acceleration=2.0
+    )
     machine = Traverser(axes=[*axes, rotary], home=load_machine("traverser").home)
     planned = plan(Program((Line([-0.06, 0, 0]), Line([0.06, 0, 0]), Line([-0.06, 0, 0]))), machine)
     t = np.linspace(0, planned.trajectory.duration, 4001)
@@ -334,7 +398,9 @@ def test_the_play_is_crossed_no_faster_than_the_pulses_may():
 
 
 def test_what_a_refusal_of_the_take_up_advises_is_enough_and_hardly_more():
-    """The rest as it is printed, the acceleration as it is printed; and a thousandth less is not."""
+    """The rest as it is printed, the acceleration as it is printed; and a thousandth less is
+    not.
+    """
     axis = Axis("x", pulse=PULSE, max_acceleration=0.4, backlash=1.03e-5, compensate=("backlash",))
     with pytest.raises(Infeasible) as no:
         generate(zigzag(1e-3, -1e-3), [axis], [0.0])
@@ -345,37 +411,60 @@ def test_what_a_refusal_of_the_take_up_advises_is_enough_and_hardly_more():
     enough = float(no.value.remedy.partition("take_up_acceleration of ")[2].split()[0])
     assert generate(zigzag(1e-3, -1e-3), [replace(axis, take_up_acceleration=enough)], [0.0]).total
     with pytest.raises(Infeasible):
-        generate(zigzag(1e-3, -1e-3), [replace(axis, take_up_acceleration=enough * (1 - 1e-3))], [0.0])
+        generate(
+            zigzag(1e-3, -1e-3), [replace(axis, take_up_acceleration=enough * (1 - 1e-3))], [0.0]
+        )
 
 
 def test_a_first_move_against_the_side_that_was_homed_is_told_both_cures():
     motion = zigzag(-1e-3)
     axis = Axis("x", pulse=PULSE, max_acceleration=0.4, backlash=5e-6, compensate=("backlash",))
-    with pytest.raises(Infeasible, match=r'before x first moves: .* with a dwell of .* s, state pushed = "-" if') as no:
+    with pytest.raises(
+        Infeasible, match=r'before x first moves: .* with a dwell of .* s, state pushed = "-" if'
+    ) as no:
         generate(motion, [axis], [0.0])
     dwell = float(no.value.remedy.partition("dwell of ")[2].split()[0])
-    waits = one_axis([[0.0, 0.0, 0.0], [-0.2, 0.0, 0.0], [0.2, -0.02, -5e-4]], [0, dwell, dwell + 0.05, dwell + 0.1])
+    waits = one_axis(
+        [[0.0, 0.0, 0.0], [-0.2, 0.0, 0.0], [0.2, -0.02, -5e-4]],
+        [0, dwell, dwell + 0.05, dwell + 0.1],
+    )
     assert generate(waits, [axis], [0.0]).compensations[0].crossings == 1
     pushed = generate(motion, [replace(axis, pushed="-")], [0.0])
     assert pushed.compensations[0].crossings == 0
     assert pushed.axes[0].final == round(-1e-3 / PULSE)
-    up = generate(zigzag(1e-3, rest=0.1), [replace(axis, pushed="-", take_up_acceleration=4.0)], [0.0])
+    up = generate(
+        zigzag(1e-3, rest=0.1), [replace(axis, pushed="-", take_up_acceleration=4.0)], [0.0]
+    )
     assert up.axes[0].final == round((1e-3 + 5e-6) / PULSE)
 
 
 def test_compensation_is_made_once(monkeypatch, tmp_path):
-    """By a plan, however often its pulses, its check and its path ask for it; by a source of exports once more."""
+    """By a plan, however often its pulses, its check and its path ask for it; by a source of
+    exports once more.
+    """
     made = []
     monkeypatch.setattr(
-        compensate, "compensate_motion", lambda *of, true=compensate_motion: made.append(of) or true(*of)
+        compensate,
+        "compensate_motion",
+        lambda *of, true=compensate_motion: made.append(of) or true(*of),
     )
-    stated = {"pulse": 1e-5, "travel": (-1.0, 1.0), "max_speed": 0.2, "max_acceleration": 0.5, "backlash": 1e-5}
+    stated = {
+        "pulse": 1e-5,
+        "travel": (-1.0, 1.0),
+        "max_speed": 0.2,
+        "max_acceleration": 0.5,
+        "backlash": 1e-5,
+    }
     axes = [Axis(name, compensate=("backlash",), **stated) for name in "XYZ"]
-    rotary = Axis("R", kind="rotary", pulse=1e-4, travel=(-4.0, 4.0), max_speed=1.0, max_acceleration=2.0)
+    rotary = Axis(
+        "R", kind="rotary", pulse=1e-4, travel=(-4.0, 4.0), max_speed=1.0, max_acceleration=2.0
+    )
     machine = Traverser(axes=[*axes, rotary], home=load_machine("traverser").home)
     planned = plan(Program((Line([0.02, 0.01, 0]), Dwell(0.1), Line([0, 0, 0]))), machine)
     assert check(planned.pulses, planned.counted, machine.axes, machine.home_q).holds
     assert planned.realised(stride=100)["x"].share <= 1 + 1e-3
     assert len(made) == 1
-    InverseTime().write(ExportSource("once", machine, planned.trajectory, planned.pulses), tmp_path / "once.ngc")
+    InverseTime().write(
+        ExportSource("once", machine, planned.trajectory, planned.pulses), tmp_path / "once.ngc"
+    )
     assert len(made) == 2

@@ -1,4 +1,6 @@
-"""The source's own ramps as a firing rule: the timer's count changes by a constant after each pulse."""
+"""The source's own ramps as a firing rule: the timer's count changes by a constant after each
+pulse.
+"""
 
 import logging
 
@@ -45,7 +47,9 @@ def test_more_pulses_than_counts_do_not_fit():
 
 @pytest.fixture(scope="module")
 def traverser():
-    """There, a rest, on in one axis and back in another: two runs of each of two axes, one of the third."""
+    """There, a rest, on in one axis and back in another: two runs of each of two axes, one of the
+    third.
+    """
     machine = load_machine("traverser")
     program = Program((Line([0.01, 0.02, 0.01]), Dwell(0.2), Line([0.02, 0.005, 0.01])))
     return machine, plan(program, machine, order=2).trajectory
@@ -59,7 +63,9 @@ def test_ramps_of_a_plan_end_with_it_and_are_proved(traverser, step):
     schedule = generate(motion, machine.axes, machine.home_q, CLOCK, rule)
     verdict = check(schedule, motion, machine.axes, machine.home_q)
     assert verdict.holds, verdict.faults
-    final = np.rint((motion.at([motion.duration]).q[0] - machine.home_q) / [axis.pulse for axis in machine.axes])
+    final = np.rint(
+        (motion.at([motion.duration]).q[0] - machine.home_q) / [axis.pulse for axis in machine.axes]
+    )
     assert [axis.final for axis in schedule.axes] == final.tolist()
 
     crossings = generate(motion, machine.axes, machine.home_q, CLOCK)
@@ -79,7 +85,9 @@ def test_the_bound_is_the_largest_difference(traverser):
     machine, motion = traverser
     schedule = generate(motion, machine.axes, machine.home_q, CLOCK, "timer:step=7")
     for k, axis in enumerate(schedule.axes[:3]):
-        x = (motion.at(np.minimum(axis.ticks / CLOCK, motion.duration)).q[:, k] - axis.home) / axis.pulse
+        x = (
+            motion.at(np.minimum(axis.ticks / CLOCK, motion.duration)).q[:, k] - axis.home
+        ) / axis.pulse
         after = axis.start + np.cumsum(axis.direction)
         largest = max(np.abs(x - after).max(), np.abs(x - after + axis.direction).max())
         assert axis.bound == pytest.approx(max(largest, 0.5), abs=0.01)
@@ -101,7 +109,9 @@ def test_a_steep_ramp_is_warned_of(traverser, caplog):
 def test_it_needs_the_whole_motion_and_a_step_that_is_one(traverser):
     machine, motion = traverser
     part = MotionPart(motion, machine.axes, machine.home_q, CLOCK, last=False)
-    with pytest.raises(MotionError, match="makes no pulses of a motion part by part: its ramps reach from one rest"):
+    with pytest.raises(
+        MotionError, match="makes no pulses of a motion part by part: its ramps reach from one rest"
+    ):
         find_rule("timer:step=5").fire(part)
     assert find_rule("timer").whole_reason == ""
     for wrong in ("-1", "1.5"):

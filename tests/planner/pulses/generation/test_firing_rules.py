@@ -1,4 +1,6 @@
-"""The firing rules: each within the bound it states on any motion, and each as its source has it."""
+"""The firing rules: each within the bound it states on any motion, and each as its source has
+it.
+"""
 
 from dataclasses import replace
 
@@ -17,7 +19,9 @@ from planner.pulses.generation.levels import MAX_COUNT_BLUR
 from tests.planner.motions import PULSE, Polynomials, smooth_motions, through
 
 CLOCK = 10_000_000
-ROUNDING = 1e-8  # pulses: double precision of positions of some 0.1 mm, with room for a few operations
+ROUNDING = (
+    1e-8  # pulses: double precision of positions of some 0.1 mm, with room for a few operations
+)
 DDA = "dda:spacing=1ms,pulses_per_count=4,rate=1MHz"
 EVERY = [
     "nearest",
@@ -36,8 +40,12 @@ def line(speed, duration, start=0.0):
 
 
 def there_and_back():
-    """120 pulses up and back, 0.2 s, with rests at both ends: its duration is whole periods of every rule."""
-    return through(PULSE * np.array([[0.0], [120.0], [120.0], [0.0]]), np.zeros((4, 1)), [0, 0.08, 0.12, 0.2])
+    """120 pulses up and back, 0.2 s, with rests at both ends: its duration is whole periods of
+    every rule.
+    """
+    return through(
+        PULSE * np.array([[0.0], [120.0], [120.0], [0.0]]), np.zeros((4, 1)), [0, 0.08, 0.12, 0.2]
+    )
 
 
 def fire(motion, rule, pulse=PULSE, clock=CLOCK, home=0.0):
@@ -46,7 +54,9 @@ def fire(motion, rule, pulse=PULSE, clock=CLOCK, home=0.0):
 
 
 def excess(schedule, motion, k, t):
-    """By how much (pulses) |count - x| passes the axis' bound + one tick's travel at the instants t (N,)."""
+    """By how much (pulses) |count - x| passes the axis' bound + one tick's travel at the instants t
+    (N,).
+    """
     axis, tick = schedule.axes[k], 1 / schedule.clock_hz
 
     def x(at):
@@ -57,7 +67,9 @@ def excess(schedule, motion, k, t):
 
 
 def assert_sound(schedule, motion):
-    """Rising ticks in the motion, and the bound at thousands of instants: even ones, and around every pulse."""
+    """Rising ticks in the motion, and the bound at thousands of instants: even ones, and around
+    every pulse.
+    """
     even = np.linspace(0, motion.duration, 3000)
     for k, axis in enumerate(schedule.axes):
         assert (np.diff(axis.ticks) > 0).all()
@@ -92,9 +104,12 @@ def test_a_schedule_run_backwards_keeps_its_bound_and_passes_where_time_has_no_s
     back = through(motion.at(motion.knots).q[::-1], np.zeros((4, 1)), 0.2 - motion.knots[::-1])
     assert np.allclose(back.at([0.03]).q, motion.at([0.17]).q, rtol=0, atol=1e-16)
     end = round(motion.duration * CLOCK)
-    mirrored = replace(axis, ticks=end - axis.ticks[::-1], direction=-axis.direction[::-1], start=axis.final)
+    mirrored = replace(
+        axis, ticks=end - axis.ticks[::-1], direction=-axis.direction[::-1], start=axis.final
+    )
     found = check(replace(schedule, axes=(mirrored,)), back)
-    # what waits for something, a way back, a look or a listed point, waits on the other side when time runs back
+    # what waits for something, a way back, a look or a listed point, waits on the other side when
+    # time runs back
     assert found.holds == (rule in ("nearest", "floor") or rule.startswith("timer")), found.faults
     assert check(replace(schedule, axes=(mirrored,), rule="mine"), back).holds
 
@@ -118,7 +133,8 @@ def test_counts_of_50_pulses_cannot_give_1280():
 
 
 @pytest.mark.parametrize(
-    ("rule", "grain"), [("nearest", 1), ("floor", 1), ("timer", 5), ("sampled", 200), ("sampled:period=7us", 70)]
+    ("rule", "grain"),
+    [("nearest", 1), ("floor", 1), ("timer", 5), ("sampled", 200), ("sampled:period=7us", 70)],
 )
 def test_constant_speed_gives_intervals_that_differ_by_at_most_one_grain(rule, grain):
     """A tick, a timer count, a period."""
@@ -146,7 +162,8 @@ def test_what_breaks_the_bound_is_caught(rule):
 
     assert holds()
     assert not holds(
-        ticks=np.delete(axis.ticks, np.s_[40 : 40 + many]), direction=np.delete(axis.direction, np.s_[40 : 40 + many])
+        ticks=np.delete(axis.ticks, np.s_[40 : 40 + many]),
+        direction=np.delete(axis.direction, np.s_[40 : 40 + many]),
     )
     assert not holds(direction=-axis.direction)
     assert not holds(start=axis.start + many)
@@ -156,15 +173,20 @@ def test_what_breaks_the_bound_is_caught(rule):
     assert not holds(ticks=np.unique(late), direction=axis.direction[: len(np.unique(late))])
 
 
-@pytest.mark.parametrize("rule", [rule for rule in EVERY if not rule.startswith(("dda", "nearest"))])
+@pytest.mark.parametrize(
+    "rule", [rule for rule in EVERY if not rule.startswith(("dda", "nearest"))]
+)
 def test_the_stated_bound_is_no_wider_than_what_is_needed(rule):
-    """At full speed throughout, the worst error comes within 2 % of the bound: a smaller one would be broken."""
+    """At full speed throughout, the worst error comes within 2 % of the bound: a smaller one would
+    be broken.
+    """
     motion = line(0.0173, 0.5)
     schedule = fire(motion, rule)
     (axis,) = schedule.axes
     tick = 0.0173 / PULSE / CLOCK  # pulses of travel
     before = motion.at((axis.ticks - 0.5) / CLOCK).q[:, 0] / PULSE - axis.counts(axis.ticks - 1)
-    # The timer states a whole timer count's travel for its last pulse; the others are late by half of one at most.
+    # The timer states a whole timer count's travel for its last pulse; the others are late by half
+    # of one at most.
     spare = (axis.bound - 0.5) / 2 if rule.startswith("timer") else 0.02
     assert abs(before).max() >= axis.bound - spare - tick
 
@@ -173,7 +195,9 @@ def test_the_stated_bound_is_no_wider_than_what_is_needed(rule):
 def test_compensated_axes_keep_the_bound_too(rule):
     """A screw whose error bends at two places, where the motor's speed jumps by 4 %; and play."""
     screw = ((0.0, 0.0), (30 * PULSE, 1.2 * PULSE), (70 * PULSE, 0.0))
-    axis = Axis("X", pulse=PULSE, lead_error=screw, backlash=3 * PULSE, compensate=("lead", "backlash"))
+    axis = Axis(
+        "X", pulse=PULSE, lead_error=screw, backlash=3 * PULSE, compensate=("lead", "backlash")
+    )
     motion = there_and_back()
     schedule = generate(motion, [axis], [0.0], rule=rule)
     behind = compensate_motion(motion, [axis], np.zeros(1))
@@ -206,7 +230,9 @@ def test_below_home_the_floor_is_the_lower_count():
 
 def test_sampled_is_the_rule_of_the_source_instant_by_instant():
     """N(i) = N(i-1) ± 1 where |N desired - N(i-1)| > 0.5, else N(i-1): run as printed."""
-    motion = through(PULSE * np.array([[0.3], [90.0], [20.5], [20.5]]), np.zeros((4, 1)), [0, 0.03, 0.05, 0.06])
+    motion = through(
+        PULSE * np.array([[0.3], [90.0], [20.5], [20.5]]), np.zeros((4, 1)), [0, 0.03, 0.05, 0.06]
+    )
     schedule = fire(motion, "sampled:period=50us")
     (axis,) = schedule.axes
     count, fired = 0, []
@@ -236,9 +262,13 @@ def test_an_axis_faster_than_a_pulse_a_period_is_refused():
 
 
 def test_a_rate_that_is_beyond_by_rounding_reads_so():
-    """5000 pulses/s at a period of 200 us: the bound of the rate is above by less than six digits tell."""
+    """5000 pulses/s at a period of 200 us: the bound of the rate is above by less than six digits
+    tell.
+    """
     motion = line(5000 * (1 + 1e-9) * PULSE, 0.01)
-    with pytest.raises(Infeasible, match=r"5000\.00001 1/s is beyond 5000 1/s .* a period of 199\.9 us or less"):
+    with pytest.raises(
+        Infeasible, match=r"5000\.00001 1/s is beyond 5000 1/s .* a period of 199\.9 us or less"
+    ):
         fire(motion, "sampled:period=200us")
     fire(motion, "sampled:period=199.9us")
 
@@ -285,7 +315,9 @@ def test_the_axis_with_the_most_counts_fires_at_every_step():
 
 
 def test_each_count_is_a_burst_at_the_stated_rate():
-    """At 10 000 pulses/s, 200 counts of 50 in a second: a burst every 5 ms, its pulses 10 µs apart."""
+    """At 10 000 pulses/s, 200 counts of 50 in a second: a burst every 5 ms, its pulses 10 µs
+    apart.
+    """
     (axis,) = fire(line(1e4 * PULSE, 1.0), "dda").axes
     bursts = axis.ticks.reshape(-1, 50)
     assert (np.diff(bursts, axis=1) == 100).all()
@@ -304,7 +336,9 @@ def test_bursts_that_do_not_fit_are_refused():
 def test_bursts_faster_than_an_axis_takes_are_refused():
     motion = line(0.001, 0.5)
     slow = Axis("X", pulse=PULSE, max_pulse_rate=2400.0)
-    with pytest.raises(Infeasible, match=r"X.*send the pulses of a count at 2400 1/s or less .*dda:rate=2400.0 1/s"):
+    with pytest.raises(
+        Infeasible, match=r"X.*send the pulses of a count at 2400 1/s or less .*dda:rate=2400.0 1/s"
+    ):
         generate(motion, [slow], [0.0], rule="dda:rate=100kHz")
     assert generate(motion, [slow], [0.0], rule="dda:rate=2400 1/s,spacing=0.1s").total
 
@@ -338,13 +372,19 @@ def test_a_timer_clock_must_divide_that_of_the_pulses():
 
 
 def hover(amplitude, places, level=0.5):
-    """A leg that wanders at random within `amplitude` (pulses) of a level, 1 ms from place to place."""
+    """A leg that wanders at random within `amplitude` (pulses) of a level, 1 ms from place to
+    place.
+    """
     q = (level + amplitude * np.array(places)) * PULSE
     return through(q[:, None], np.zeros((len(q), 1)), np.arange(len(q)) * 1e-3)
 
 
 @settings(deadline=None, max_examples=60)
-@given(st.floats(0.01, 0.49), st.lists(st.floats(-1, 1), min_size=3, max_size=40), st.sampled_from([-1.5, 0.5, 7.5]))
+@given(
+    st.floats(0.01, 0.49),
+    st.lists(st.floats(-1, 1), min_size=3, max_size=40),
+    st.sampled_from([-1.5, 0.5, 7.5]),
+)
 def test_a_leg_that_hovers_on_a_crossing_does_not_chatter(hysteresis, places, level):
     motion = hover(0.999 * hysteresis, places, level)
     assert fire(motion, f"nearest:hysteresis={hysteresis}").total == 0
@@ -373,7 +413,9 @@ def test_a_hysteresis_that_would_spoil_whole_ends_is_refused():
 # Names and options
 
 
-@pytest.mark.parametrize("rule", [*RULES, *EVERY, "dda:spacing=3ms,pulses_per_count=7,rate=3e5 1/s"])
+@pytest.mark.parametrize(
+    "rule", [*RULES, *EVERY, "dda:spacing=3ms,pulses_per_count=7,rate=3e5 1/s"]
+)
 def test_a_rule_is_told_as_it_is_read(rule):
     assert find_rule(describe_rule(find_rule(rule))) == find_rule(rule)
 
@@ -381,8 +423,14 @@ def test_a_rule_is_told_as_it_is_read(rule):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("sampeld", 'no firing rule is called "sampeld", nearest is "sampled"; firing rules: nearest, floor, sampled'),
-        ("sampled:perod=1us", 'firing rule sampled has no option "perod", nearest is "period"; its options: period'),
+        (
+            "sampeld",
+            'no firing rule is called "sampeld", nearest is "sampled"; firing rules: nearest, floor, sampled',
+        ),
+        (
+            "sampled:perod=1us",
+            'firing rule sampled has no option "perod", nearest is "period"; its options: period',
+        ),
         ("floor:period=1us", 'floor has no option "period"; its options: none'),
         ("sampled:period=1", "without a unit"),
         ("sampled:period=1 mm", "mm"),
@@ -407,7 +455,9 @@ def test_the_time_error_is_told_only_where_pulses_have_their_one_tick():
         grain = {"timer": 5, "timer:clock=1MHz": 10}.get(rule, 1)  # ticks of a timer count
         assert check(fire(motion, rule), motion).time_error <= 0.501 * grain
     wide = fire(motion, "nearest")
-    late = AxisPulses("leg1", wide.axes[0].ticks + 2000, wide.axes[0].direction, 0, PULSE, 0.0, bound=1.5)
+    late = AxisPulses(
+        "leg1", wide.axes[0].ticks + 2000, wide.axes[0].direction, 0, PULSE, 0.0, bound=1.5
+    )
     found = check(PulseSchedule(CLOCK, (late,), motion.duration), motion)
     assert found.holds
     assert found.time_error is None
@@ -417,6 +467,13 @@ def test_the_time_error_is_told_only_where_pulses_have_their_one_tick():
 def test_progress_rises_to_the_whole(rule):
     told = []
     motion = there_and_back()
-    generate(motion, [Axis("x", pulse=PULSE)], [0.0], CLOCK, rule, lambda done, of: told.append(done / of))
+    generate(
+        motion,
+        [Axis("x", pulse=PULSE)],
+        [0.0],
+        CLOCK,
+        rule,
+        lambda done, of: told.append(done / of),
+    )
     assert told == sorted(set(told))
     assert told[-1] == 1

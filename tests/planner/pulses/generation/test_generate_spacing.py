@@ -1,4 +1,6 @@
-"""Room for the drives: pulses keep the times that their inputs need, moved by the least that does."""
+"""Room for the drives: pulses keep the times that their inputs need, moved by the least that
+does.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -39,14 +41,18 @@ def fired(ticks, direction, timing, clock=CLOCK):
     def travel(axis, at):
         return Slow().at(at / clock).q[:, axis], at / clock
 
-    done = space_pulses(held, 0, axes[0], LeastGaps.from_axis(axes[0], clock, 1), clock, travel, end=clock)
+    done = space_pulses(
+        held, 0, axes[0], LeastGaps.from_axis(axes[0], clock, 1), clock, travel, end=clock
+    )
     widened = 0.0 if done.moved is None else done.moved.error
     pulses = AxisPulses("x", done.ticks, done.direction, 0, 1.0, 0.0, 0.5 + widened)
     return PulseSchedule(clock, (pulses,), 1.0, moves=() if done.moved is None else (done.moved,))
 
 
 def gaps(direction, timing):
-    """Ticks that each pulse has to be behind the one before, written down from the data sheet's meaning."""
+    """Ticks that each pulse has to be behind the one before, written down from the data sheet's
+    meaning.
+    """
     levels = timing.high + timing.low
     other = max(timing.high, timing.hold) + timing.setup
     rate = 0 if timing.max_rate is None else int(CLOCK // timing.max_rate)
@@ -56,10 +62,16 @@ def gaps(direction, timing):
 
 @given(
     st.lists(st.tuples(st.integers(1, 40), st.sampled_from([-1, 1])), min_size=1, max_size=12),
-    st.sampled_from([StepTiming(4e-6, 3e-6, 9e-6, 2e-6), StepTiming(1e-6, 1e-6, 0, 0, 1e5), find_drive("A4988")]),
+    st.sampled_from(
+        [StepTiming(4e-6, 3e-6, 9e-6, 2e-6), StepTiming(1e-6, 1e-6, 0, 0, 1e5), find_drive("A4988")]
+    ),
 )
-def test_no_two_pulses_are_closer_than_needed_and_none_is_moved_farther_than_the_least(fires, timing):
-    """The least largest shift by a linear programme: min z over t' with t'[i+1] - t'[i] >= gap, |t' - t| <= z."""
+def test_no_two_pulses_are_closer_than_needed_and_none_is_moved_farther_than_the_least(
+    fires, timing
+):
+    """The least largest shift by a linear programme: min z over t' with t'[i+1] - t'[i] >= gap, |t'
+    - t| <= z.
+    """
     ticks, direction = 100 + np.cumsum([gap for gap, _ in fires]), [sign for _, sign in fires]
     moved = fired(ticks, direction, timing).axes[0].ticks
     needed = gaps(direction, timing)
@@ -67,12 +79,16 @@ def test_no_two_pulses_are_closer_than_needed_and_none_is_moved_farther_than_the
     n = len(ticks)
     rows = [[*-row, 0.0] for row in np.diff(np.eye(n), axis=0)]
     rows += [[*row, -1.0] for row in np.eye(n)] + [[*-row, -1.0] for row in np.eye(n)]
-    least = linprog([0] * n + [1], rows, [*-needed, *ticks, *-ticks], bounds=[(None, None)] * (n + 1)).fun
+    least = linprog(
+        [0] * n + [1], rows, [*-needed, *ticks, *-ticks], bounds=[(None, None)] * (n + 1)
+    ).fun
     assert abs(moved - ticks).max() <= np.ceil(least - 1e-6) + 1e-9
 
 
 def test_a_reversal_is_moved_by_the_least_and_the_schedule_says_so():
-    """Up to 6 pulses and back, half a pulse beyond the last level, with a hold longer than the motion stays there."""
+    """Up to 6 pulses and back, half a pulse beyond the last level, with a hold longer than the
+    motion stays there.
+    """
     motion, home = in_pulses([-6.0, 12.0, 0.0], [-6.0, 0.0, 6.0])
     pulse = 0.75e-6
     axis = Axis("x", pulse=pulse)
@@ -97,7 +113,9 @@ def test_a_reversal_is_moved_by_the_least_and_the_schedule_says_so():
 def test_what_no_shift_helps_is_refused_with_axis_time_and_rate():
     motion, home = in_pulses([1e4, 0.3])  # 10 000 pulses/s for a second
     axis = Axis("x", pulse=0.75e-6, timing=StepTiming(60e-6, 60e-6, 0, 0))
-    with pytest.raises(Infeasible, match=r"drive timing 10000 1/s is beyond 8333.33 1/s at x, s = .*, t = ") as no:
+    with pytest.raises(
+        Infeasible, match=r"drive timing 10000 1/s is beyond 8333.33 1/s at x, s = .*, t = "
+    ) as no:
         generate(motion, [axis], home)
     assert no.value.place.t is not None
 
@@ -120,7 +138,9 @@ def test_a_first_pulse_before_the_set_up_is_told_as_that_and_a_dwell_cures_it():
     rate, setup = 5e4, 1e-3
     axis = Axis("x", pulse=0.75e-6, timing=StepTiming(1e-6, 1e-6, setup, 0))
     motion, home = in_pulses([rate, 0.0])
-    told = r"direction set-up before the first pulse 100000 1/s is beyond 1000 1/s at x, .* a dwell of"
+    told = (
+        r"direction set-up before the first pulse 100000 1/s is beyond 1000 1/s at x, .* a dwell of"
+    )
     with pytest.raises(Infeasible, match=told) as no:
         generate(motion, [axis], home)
     dwell = float(no.value.remedy.partition("a dwell of ")[2].split()[0])
@@ -132,7 +152,10 @@ def test_a_first_pulse_before_the_set_up_is_told_as_that_and_a_dwell_cures_it():
 def test_a_refused_reversal_is_told_as_one():
     motion, home = in_pulses([-6.0, 12.0, 0.0], [-6.0, 0.0, 6.0])
     axis = Axis("x", pulse=0.75e-6, timing=StepTiming(1e-6, 1e-6, 0.0, 1.5))
-    with pytest.raises(Infeasible, match=r"drive timing at a reversal .* is beyond 0\.6666\d* 1/s at x, .* rest there"):
+    with pytest.raises(
+        Infeasible,
+        match=r"drive timing at a reversal .* is beyond 0\.6666\d* 1/s at x, .* rest there",
+    ):
         generate(motion, [axis], home)
 
 
@@ -153,7 +176,9 @@ def test_named_drives_are_consistent(name):
     assert reversal / 1e7 >= timing.hold + timing.setup - 1e-12
 
 
-@pytest.mark.parametrize("wrong", [{"high": 0}, {"low": -1e-6}, {"setup": np.nan}, {"hold": "1 us"}, {"max_rate": 0}])
+@pytest.mark.parametrize(
+    "wrong", [{"high": 0}, {"low": -1e-6}, {"setup": np.nan}, {"hold": "1 us"}, {"max_rate": 0}]
+)
 def test_wrong_timing_is_refused_by_name(wrong):
     with pytest.raises(MotionError, match=next(iter(wrong))):
         StepTiming(**({"high": 1e-6, "low": 1e-6, "setup": 0, "hold": 0} | wrong))
@@ -166,8 +191,12 @@ def test_an_unknown_drive_is_told_the_nearest():
 
 def test_the_file_of_moved_reversals_keeps_their_set_up(tmp_path):
     """STEP may stay high only so long that DIR, which changes when it falls, is early enough."""
-    motion, home = in_pulses([0.0, 0.0, 0.0], [-6.0, 12.0, 0.0], [-6.0, 0.0, 6.0])  # after a rest, for the first set-up
-    timing = StepTiming(0.25e-6, 0.25e-6, 0.6, 0.0)  # and the motion stays beyond its last level for 0.577 s
+    motion, home = in_pulses(
+        [0.0, 0.0, 0.0], [-6.0, 12.0, 0.0], [-6.0, 0.0, 6.0]
+    )  # after a rest, for the first set-up
+    timing = StepTiming(
+        0.25e-6, 0.25e-6, 0.6, 0.0
+    )  # and the motion stays beyond its last level for 0.577 s
     axis = Axis("x", pulse=0.75e-6, timing=timing)
     schedule = generate(motion, [axis], home)
     assert len(schedule.moves) == 1

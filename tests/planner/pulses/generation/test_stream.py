@@ -27,7 +27,9 @@ from tests.planner.test_windows import draw_polyline, steps_of
 CLOCK = 10_000_000
 AXES = [Axis("a", pulse=PULSE, max_speed=0.5), Axis("b", pulse=PULSE)]
 RULES = ["nearest", "nearest:hysteresis=0.2", "floor", "timer"]
-PARTS = st.integers(0, 10**6).map(lambda n: n * 1e-6)  # shares of the time: many parts are shorter than a tick
+PARTS = st.integers(0, 10**6).map(
+    lambda n: n * 1e-6
+)  # shares of the time: many parts are shorter than a tick
 
 
 def cut_motion(motion, cuts):
@@ -46,7 +48,9 @@ def attempt(call):
 @st.composite
 def cut_motions(draw):
     motion = draw(smooth_motions())
-    cuts = st.one_of(st.sampled_from(motion.knots.tolist()), PARTS.map(lambda share: share * motion.duration))
+    cuts = st.one_of(
+        st.sampled_from(motion.knots.tolist()), PARTS.map(lambda share: share * motion.duration)
+    )
     return motion, draw(st.lists(cuts, max_size=6))
 
 
@@ -57,13 +61,19 @@ def test_parts_joined_are_the_pulses_of_the_whole(given_motion, rule):
     axes = AXES
     whole = attempt(lambda: generate(motion, axes, np.zeros(2), CLOCK, rule))
     stream = PulseStream(SimpleNamespace(axes=axes, home_q=np.zeros(2)), CLOCK, find_rule(rule))
-    joined = attempt(lambda: join_schedules(stream.add(part, last=last) for part, last in cut_motion(motion, cuts)))
+    joined = attempt(
+        lambda: join_schedules(
+            stream.add(part, last=last) for part, last in cut_motion(motion, cuts)
+        )
+    )
     assert type(joined) is type(whole)
     if isinstance(whole, MotionError):
         return
     for one, other in zip(joined.axes, whole.axes, strict=True):
         assert one.start == other.start
-        assert one.bound <= other.bound * (1 + 1e-9)  # bounds of speeds are tighter on shorter pieces
+        assert one.bound <= other.bound * (
+            1 + 1e-9
+        )  # bounds of speeds are tighter on shorter pieces
         assert np.array_equal(one.ticks, other.ticks)
         assert np.array_equal(one.direction, other.direction)
     assert abs(joined.duration - whole.duration) <= 1e-15 * (1 + len(cuts))
@@ -78,31 +88,42 @@ def test_what_parts_cannot_do_is_refused_with_what_can():
         return PulseStream(machine, CLOCK, find_rule(rule))
 
     for rule in ("sampled", "dda"):
-        with pytest.raises(MotionError, match=rf"rule {rule} makes no pulses of a motion part by part: .*use nearest"):
+        with pytest.raises(
+            MotionError,
+            match=rf"rule {rule} makes no pulses of a motion part by part: .*use nearest",
+        ):
             begin(rule).add(first)
     stream = begin("nearest")
     stream.add(first)
     with pytest.raises(MotionError, match="begins -6 pulses from its count 6"):
         stream.add(first)
-    assert stream.add(second, last=bool(last)).axes[0].final == 12  # the refusal left it where it stood
+    assert (
+        stream.add(second, last=bool(last)).axes[0].final == 12
+    )  # the refusal left it where it stood
     with pytest.raises(MotionError, match="the motion has ended"):
         stream.add(second)
 
 
 def test_a_refusal_names_the_place_on_the_whole():
-    """A reversal that the drive has no time for, behind the seam: t and path length (here also t) are the whole's."""
+    """A reversal that the drive has no time for, behind the seam: t and path length (here also t)
+    are the whole's.
+    """
     motion = in_pulses([0.0, 6.0, 0.25], [-6.0, 6.0, 6.25], [0.0, -6.0, 6.25])[0]
     axes = [Axis("x", pulse=PULSE, timing=StepTiming(1e-6, 1e-6, 0.0, 1.9))]
     with pytest.raises(Infeasible) as whole:
         generate(motion, axes, np.zeros(1), CLOCK)
-    stream = PulseStream(SimpleNamespace(axes=axes, home_q=np.zeros(1)), CLOCK, find_rule("nearest"))
+    stream = PulseStream(
+        SimpleNamespace(axes=axes, home_q=np.zeros(1)), CLOCK, find_rule("nearest")
+    )
     with pytest.raises(Infeasible) as parted:
         join_schedules(stream.add(part, last) for part, last in cut_motion(motion, [1.0, 2.0, 2.5]))
     assert str(parted.value) == str(whole.value)
 
 
 def test_windows_of_a_path_are_proved_part_by_part(hexapod):
-    """As a program is planned: the parts' paths are their own; pulses and the check know nothing but the parts."""
+    """As a program is planned: the parts' paths are their own; pulses and the check know nothing
+    but the parts.
+    """
     path = actuate(draw_polyline(40), hexapod)
     planner = WindowPlanner(hexapod, lambda part: limits_of(part, hexapod.axes, 2), 2, pieces=16)
     windows = list(planner(steps_of(path)))
@@ -128,10 +149,15 @@ KINDS = [
 @settings(max_examples=25)
 @given(st.integers(0, 200), st.lists(PARTS, max_size=8), st.sampled_from(RULES))
 def test_what_motors_make_up_for_is_the_same_in_parts(seed, cuts, rule):
-    """Three axes with play, with a screw's errors and with both; turns, rests and crossings of play span the seams."""
+    """Three axes with play, with a screw's errors and with both; turns, rests and crossings of play
+    span the seams.
+    """
     motion = example(seed, size=3.0)
     home = motion.at(np.zeros(1)).q[0]
-    axes = [Axis(f"leg{k}", pulse=PULSE, max_acceleration=20.0, **kinds) for k, kinds in enumerate(KINDS)]
+    axes = [
+        Axis(f"leg{k}", pulse=PULSE, max_acceleration=20.0, **kinds)
+        for k, kinds in enumerate(KINDS)
+    ]
     machine = SimpleNamespace(axes=axes, home_q=home)
     whole = attempt(lambda: generate(motion, axes, home, CLOCK, rule))
     stream, parts = PulseStream(machine, CLOCK, find_rule(rule)), []
@@ -154,7 +180,9 @@ def test_what_motors_make_up_for_is_the_same_in_parts(seed, cuts, rule):
 
 
 def test_ten_hours_before_change_no_tick():
-    """A hundred rests of 360.1 s, which no binary number is: their sum is exact, and a tick is that at the start."""
+    """A hundred rests of 360.1 s, which no binary number is: their sum is exact, and a tick is that
+    at the start.
+    """
     motion = example(7)
     home = motion.at(np.zeros(1)).q[0]
     machine = SimpleNamespace(axes=[Axis(f"leg{k}", pulse=PULSE) for k in range(3)], home_q=home)
@@ -166,7 +194,9 @@ def test_ten_hours_before_change_no_tick():
     streams = [PulseStream(machine, CLOCK, find_rule("nearest")) for _ in range(2)]
     for _ in range(100):
         assert streams[1].add(rest).total == 0
-    soon, late = ([stream.add(part, last) for part, last in cut_motion(motion, [0.05])] for stream in streams)
+    soon, late = (
+        [stream.add(part, last) for part, last in cut_motion(motion, [0.05])] for stream in streams
+    )
     for one, other in zip(soon, late, strict=True):
         assert one.total
         for early, after in zip(one.axes, other.axes, strict=True):

@@ -14,18 +14,29 @@ TOLERANCE = 1e-6
 
 
 def drawn(seed, ends):
-    """Rows of a rough course, some with a share that only holds, some points with a ceiling, and x at both ends."""
+    """Rows of a rough course, some with a share that only holds, some points with a ceiling, and x
+    at both ends.
+    """
     rng = np.random.default_rng(seed)
     intervals, rows = rng.integers(2, 9), rng.integers(1, 6)
     a, b, c = np.cumsum(rng.normal(size=(3, intervals + 1, rows)), 1) / np.sqrt(intervals)
     c = np.clip(0.3 * c, -0.9, 0.9) * rng.integers(0, 2)
-    ceiling = np.where(rng.random(intervals + 1) < 0.5, np.inf, 10 ** rng.uniform(-2, 1, intervals + 1))
+    ceiling = np.where(
+        rng.random(intervals + 1) < 0.5, np.inf, 10 ** rng.uniform(-2, 1, intervals + 1)
+    )
     step = rng.random(intervals) + 0.1
-    return [a, b * rng.choice([0.1, 1.0, 10.0]), c], ceiling, step / step.sum(), tuple(ends * rng.random(2))
+    return (
+        [a, b * rng.choice([0.1, 1.0, 10.0]), c],
+        ceiling,
+        step / step.sum(),
+        tuple(ends * rng.random(2)),
+    )
 
 
 def programmed(rows, ceiling, step, ends):
-    """The same by two linear programmes in (x, u) per point, and one in u on the way back; None where there is none."""
+    """The same by two linear programmes in (x, u) per point, and one in u on the way back; None
+    where there is none.
+    """
     a, b, c = rows
     low = high = ends[1]
     reached = [(low, high)]
@@ -34,7 +45,9 @@ def programmed(rows, ceiling, step, ends):
         onward = np.array([[1.0, 2 * step[i]]])
         sides = np.concatenate([both, -both, onward, -onward])
         bound = np.concatenate([1 - c[i], 1 + c[i], [high, -low]])
-        found = [linprog([-s, 0], sides, bound, bounds=[(0, ceiling[i]), (None, None)]) for s in (1, -1)]
+        found = [
+            linprog([-s, 0], sides, bound, bounds=[(0, ceiling[i]), (None, None)]) for s in (1, -1)
+        ]
         if any(each.status for each in found):
             return None
         high, low = (float(each.x[0]) for each in found)
@@ -43,7 +56,10 @@ def programmed(rows, ceiling, step, ends):
         return None
     x = [ends[0]]
     for i, (_, top) in enumerate(reached[-2::-1]):
-        sides, bound = np.concatenate([a[i], -a[i]]), np.concatenate([1 - c[i] - b[i] * x[-1], 1 + c[i] + b[i] * x[-1]])
+        sides, bound = (
+            np.concatenate([a[i], -a[i]]),
+            np.concatenate([1 - c[i] - b[i] * x[-1], 1 + c[i] + b[i] * x[-1]]),
+        )
         most = linprog([-1], sides[:, None], bound, bounds=[(None, (top - x[-1]) / (2 * step[i]))])
         x.append(x[-1] + 2 * step[i] * float(most.x[0]))
     return np.array(x)

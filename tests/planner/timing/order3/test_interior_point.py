@@ -1,4 +1,6 @@
-"""Our interior-point method: analytic motions, FATROP's answers, and the same source without a compiler."""
+"""Our interior-point method: analytic motions, FATROP's answers, and the same source without a
+compiler.
+"""
 
 import os
 import subprocess
@@ -24,7 +26,10 @@ from planner.timing.order3.stages import evaluate, sum_costs
 def make_problem(path, speed, acceleration, jerk, stands=(0, 0)):
     """An order-3 problem from rest to rest, and what to start from."""
     bounds = zip(speed, acceleration, jerk, strict=True)
-    axes = [Axis(f"q{n}", max_speed=v, max_acceleration=a, max_jerk=j) for n, (v, a, j) in enumerate(bounds)]
+    axes = [
+        Axis(f"q{n}", max_speed=v, max_acceleration=a, max_jerk=j)
+        for n, (v, a, j) in enumerate(bounds)
+    ]
     bare = PolynomialPath(path.x, path.c, [axis.name for axis in axes])
     ends = tuple(EndCondition(zero_derivatives=count) for count in stands)
     run = Run(0, len(bare.breaks) - 2, ends)
@@ -51,14 +56,18 @@ def test_paths_that_stand_at_their_ends(seed):
     """s̈ is free where q′ vanishes: clamped splines."""
     random = random_problem(seed, 3)
     assert "clamped" in random.name
-    problem, guess = make_problem(random.path, random.speed, random.acceleration, random.jerk, stands=(1, 1))
+    problem, guess = make_problem(
+        random.path, random.speed, random.acceleration, random.jerk, stands=(1, 1)
+    )
     ours, theirs = third_order(problem, guess), solve_by_casadi(problem, guess)
     assert ours.solved
     assert ours.duration == pytest.approx(theirs.duration, rel=2e-3)
 
 
 def test_multipliers_are_what_bounds_are_worth():
-    """With more room, a motion takes Σ multiplier · change of bound less, in thousandths of the guess' duration."""
+    """With more room, a motion takes Σ multiplier · change of bound less, in thousandths of the
+    guess' duration.
+    """
     problem, guess = make_problem(spline(2), [1.0] * 3, [3.0] * 3, [30.0] * 3)
     posed = pose_stages(problem, guess)
     stages, rows = posed.stages, posed.rows
@@ -69,7 +78,8 @@ def test_multipliers_are_what_bounds_are_worth():
     solutions = [interior_point.minimise(posed._replace(rows=each)) for each in (rows, roomy)]
     costs = [1e3 * sum_costs(stages, solution.states, solution.controls) for solution in solutions]
     worths = [
-        (solution.high_multipliers * changes[1]).sum() - (solution.low_multipliers * changes[0]).sum()
+        (solution.high_multipliers * changes[1]).sum()
+        - (solution.low_multipliers * changes[0]).sum()
         for solution in solutions
     ]
     assert worths[0] > 1e-5 * costs[0]
@@ -117,7 +127,9 @@ def test_a_verdict_is_that_of_the_motion_it_comes_with(monkeypatch):
 
 @pytest.mark.parametrize("near", [0.5, 1e-3])
 def test_constraints_that_are_left_out_change_nothing(monkeypatch, near):
-    """Even where hardly any is active at first: each becomes active once the motion comes near it."""
+    """Even where hardly any is active at first: each becomes active once the motion comes near
+    it.
+    """
     problem, guess = make_problem(spline(5, 6), [1.0] * 6, [3.0] * 6, [30.0] * 6)
     posed = pose_stages(problem, guess)
     stages, rows = posed.stages, posed.rows
@@ -138,7 +150,10 @@ def test_constraints_that_are_left_out_change_nothing(monkeypatch, near):
     assert some.controls[:, 1].sum() == pytest.approx(every.controls[:, 1].sum(), rel=1e-7)
     for name in ("low_multipliers", "high_multipliers"):
         # a row's multipliers at both places of an interval are determined as a sum alone
-        ours, theirs = (getattr(each, name)[:, :-2].reshape(stages.step.size, 2, -1).sum(1) for each in (some, every))
+        ours, theirs = (
+            getattr(each, name)[:, :-2].reshape(stages.step.size, 2, -1).sum(1)
+            for each in (some, every)
+        )
         assert ours == pytest.approx(theirs, abs=5e-3 * theirs.max())
     values = np.empty(rows.low.shape)
     evaluate(stages, rows, some.states, some.controls, values)
@@ -151,7 +166,9 @@ def newton_system(posed):
     method.linearize()
     gradient = method.derivatives.constant + method.mu * method.derivatives.barrier
     last = method.multipliers.next[-1]
-    system = riccati.NewtonSystem(posed.stages, method.point, method.derivatives.hessian, gradient, last, 0.0, 1.0)
+    system = riccati.NewtonSystem(
+        posed.stages, method.point, method.derivatives.hessian, gradient, last, 0.0, 1.0
+    )
     return system, method.recursion, method.direction
 
 
@@ -175,11 +192,15 @@ def test_the_gradient_of_the_objective_is_that_of_finite_differences(goal):
                 costs.append(stages.objective_scale * sum_costs(stages, states, controls))
             expected = (costs[1] - costs[0]) / (2 * change)
             size = stages.objective_scale / (stages.scale[n] if n < 3 else stages.duration[k])
-            assert method.derivatives.objective[k, n] == pytest.approx(expected, rel=1e-5, abs=1e-9 * size)
+            assert method.derivatives.objective[k, n] == pytest.approx(
+                expected, rel=1e-5, abs=1e-9 * size
+            )
 
 
 def test_a_newton_step_solves_its_equations():
-    """Linearized dynamics hold, and the Lagrangian of the quadratic model is stationary in every free variable."""
+    """Linearized dynamics hold, and the Lagrangian of the quadratic model is stationary in every
+    free variable.
+    """
     problem, guess = make_problem(spline(2), [1.0] * 3, [3.0] * 3, [30.0] * 3)
     system, recursion, step = newton_system(pose_stages(problem, guess))
     assert riccati.solve_newton(system, recursion, step)
@@ -196,10 +217,19 @@ def test_a_newton_step_solves_its_equations():
     assert lengths == pytest.approx(-point.step * stages.step, abs=1e-12)
     full = np.triu(system.hessian) + np.triu(system.hessian, 1).mT
     size = np.stack([*np.broadcast_to(stages.scale, (len(h), 3)).T, stages.duration], axis=1)
-    slope = (full @ step.stages[:, :, None])[:, :, 0] + system.delta_w / size**2 * step.stages + system.gradient
+    slope = (
+        (full @ step.stages[:, :, None])[:, :, 0]
+        + system.delta_w / size**2 * step.stages
+        + system.gradient
+    )
     next_v, next_a = step.next[1:].T
     slope += np.stack(
-        [next_v, h * next_v + next_a, h**2 / 2 * next_v + h * next_a, (a + h * j) * next_v + j * next_a],
+        [
+            next_v,
+            h * next_v + next_a,
+            h**2 / 2 * next_v + h * next_a,
+            (a + h * j) * next_v + j * next_a,
+        ],
         axis=1,
     )
     slope += (step.step / stages.step)[:, None] * np.stack([h, h**2 / 2, h**3 / 6, end_v], axis=1)
@@ -214,7 +244,9 @@ def test_where_no_step_is_accepted_the_length_is_that_of_the_step_taken():
     method = interior_point._Method(pose_stages(problem, guess), "far", 1e-7)
     method.linearize()
     assert method.find_direction()
-    limits = limit_step(method.program, method.point, method.derivatives, method.mu, method.direction)
+    limits = limit_step(
+        method.program, method.point, method.derivatives, method.mu, method.direction
+    )
     ray = Ray(method.program, method.point, method.merit, method.direction, limits, method.mu)
     nothing = Filter()  # θ_max = 0
     alpha, _ = search(ray, nothing, method.trial)

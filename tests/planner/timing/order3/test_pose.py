@@ -22,7 +22,9 @@ def make_problem(s):
 
 @pytest.mark.parametrize("intervals", [16, 64])
 def test_coefficients_in_the_middle_are_those_of_the_path(intervals):
-    """q′ is a parabola on each piece: exact in all intervals, also next to its step at the break."""
+    """q′ is a parabola on each piece: exact in all intervals, also next to its step at the
+    break.
+    """
     problem = make_problem(np.linspace(0.0, 1.0, intervals + 1))
     middle = (problem.s[1:] + problem.s[:-1]) / 2
     places = (problem.s[:-1], problem.s[1:], middle)

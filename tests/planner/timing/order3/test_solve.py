@@ -1,4 +1,6 @@
-"""Order 3: against the closed-form seven-segment motion, FATROP and IPOPT, and what happens without an answer."""
+"""Order 3: against the closed-form seven-segment motion, FATROP and IPOPT, and what happens without
+an answer.
+"""
 
 from dataclasses import replace
 
@@ -37,7 +39,10 @@ def line(length):
 
 
 def curve(backwards=False):
-    """x = s, y = s² − s³, z = s⁴/2 over [0, 1]: bends one way and then the other. Or the same, run from 1 to 0."""
+    """x = s, y = s² − s³, z = s⁴/2 over [0, 1]: bends one way and then the other.
+
+    Or the same, run from 1 to 0.
+    """
     c = np.zeros((5, 1, 3))
     c[3, 0, 0] = 1.0
     c[2, 0, 1], c[1, 0, 1] = 1.0, -1.0
@@ -57,7 +62,10 @@ def flipped(coefficients):
 
 
 def limits_on(path, speed, acceleration, jerk):
-    axes = [Axis(name, max_speed=speed, max_acceleration=acceleration, max_jerk=jerk) for name in path.names]
+    axes = [
+        Axis(name, max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
+        for name in path.names
+    ]
     return limits_of(path, axes, 3)
 
 
@@ -100,7 +108,9 @@ def test_the_grid_rises_from_end_to_end(length, speed, acceleration, jerk):
 
 @REGIMES
 def test_a_line_takes_its_seven_segment_time(length, speed, acceleration, jerk, seven_segments):
-    """240 intervals of constant jerk do not hit the seven segments' corners exactly: within 1e-3, and never faster."""
+    """240 intervals of constant jerk do not hit the seven segments' corners exactly: within 1e-3,
+    and never faster.
+    """
     path = line(length)
     profile = solved(path, limits_on(path, speed, acceleration, jerk))
     time = seven_segments(length, speed, acceleration, jerk)
@@ -123,20 +133,25 @@ def test_the_motion_is_continuous_and_rests_at_both_ends():
 
 
 def test_every_limit_is_kept_and_some_limit_used_nearly_everywhere():
-    """A time-optimal motion has a limit active at all times, but for the intervals in which the active one changes."""
+    """A time-optimal motion has a limit active at all times, but for the intervals in which the
+    active one changes.
+    """
     path = curve()
     limits = limits_on(path, **CURVE)
     profile = solve_run(Task(path, limits, Run(0, 0), 3)).profile
     knots = np.append(0.0, np.cumsum(profile.h))
-    use = certify(Trajectory(path, knots, profile.s, profile.v, profile.a, profile.j, profile.piece), limits).use
+    use = certify(
+        Trajectory(path, knots, profile.s, profile.v, profile.a, profile.j, profile.piece), limits
+    ).use
     together = np.max(list(use.values()), 0)
     assert together.max() < 1 + 1e-3  # between grid points; the rounds of certifying take that off
     assert profile.h[together < 0.99].sum() < 0.03 * profile.duration
 
 
 def test_peaks_between_grid_points_are_heeded_while_it_is_solved():
-    """A motion that keeps every row at the grid points exceeds limits between them; with a look at these it does not,
-    and takes hardly longer: as long as a motion that exceeds them so little may be slower.
+    """A motion that keeps every row at the grid points exceeds limits between them; with a look at
+    these it does not, and takes hardly longer: as long as a motion that exceeds them so little may
+    be slower.
     """
     path = curve()
     limits = limits_on(path, **CURVE)
@@ -145,7 +160,9 @@ def test_peaks_between_grid_points_are_heeded_while_it_is_solved():
     def look(motion, names):
         return sample_limit_use(path, [limit for limit in limits if limit.name in names], motion)
 
-    blind, heeding = (solve_jerk_limited(problem, start.on(problem.s), look=each) for each in (None, look))
+    blind, heeding = (
+        solve_jerk_limited(problem, start.on(problem.s), look=each) for each in (None, look)
+    )
     assert heeding.problem is not None
     assert heeding.use is not None
     excess, left = (
@@ -154,7 +171,9 @@ def test_peaks_between_grid_points_are_heeded_while_it_is_solved():
     )
     assert excess > 1e-5
     assert left < SMALL_EXCESS
-    assert max(float(use.max()) for use in heeding.use.values()) == pytest.approx(1 + left, abs=1e-7)
+    assert max(float(use.max()) for use in heeding.use.values()) == pytest.approx(
+        1 + left, abs=1e-7
+    )
     assert blind.duration < heeding.duration < blind.duration * (1 + excess)
     assert any((block.room < SOLVER_AIM).any() for block in heeding.problem.blocks)
     assert all((block.room == SOLVER_AIM).all() for block in problem.blocks)
@@ -183,21 +202,26 @@ def test_slower_limits_by_powers_of_k_take_k_times_as_long():
     path, k = curve(), 1000.0
     slow = limits_on(path, CURVE["speed"] / k, CURVE["acceleration"] / k**2, CURVE["jerk"] / k**3)
     found = [
-        solve_run(Task(path, limits, Run(0, 0), 3)).profile.duration for limits in (limits_on(path, **CURVE), slow)
+        solve_run(Task(path, limits, Run(0, 0), 3)).profile.duration
+        for limits in (limits_on(path, **CURVE), slow)
     ]
     assert found[1] == pytest.approx(k * found[0], rel=1e-6)
 
 
 @pytest.mark.parametrize("end", [0, 1])
 def test_the_largest_speed_at_an_end_is_that_of_a_ramp(end):
-    """From v to rest over L, with speed and acceleration out of reach: (J L²)^(1/3), found from half of it."""
+    """From v to rest over L, with speed and acceleration out of reach: (J L²)^(1/3), found from
+    half of it.
+    """
     path, jerk, length = line(2.0), 3.0, 2.0
     speeds = [0.0, 0.0]
     speeds[end] = 0.5 * np.cbrt(jerk * length**2)
     run = Run(0, 0, at_speeds(*speeds))
     problem, start = jerk_problem(path, limits_on(path, 100.0, 100.0, jerk), run)
     speeds[end] = 100.0
-    found = third_order(replace(problem, ends=at_speeds(*speeds)), start.on(problem.s), fast_end=end)
+    found = third_order(
+        replace(problem, ends=at_speeds(*speeds)), start.on(problem.s), fast_end=end
+    )
     profile = found.require_profile()
     largest = profile.last_speed if end else profile.v[0]
     assert largest == pytest.approx(np.cbrt(jerk * length**2), rel=1e-3)
@@ -205,9 +229,14 @@ def test_the_largest_speed_at_an_end_is_that_of_a_ramp(end):
 
 
 def test_a_problem_the_other_way_has_the_same_answer():
-    """Rows that heed the direction too: as forces do, asymmetric limits, and blocks that are kept at one end."""
+    """Rows that heed the direction too: as forces do, asymmetric limits, and blocks that are kept
+    at one end.
+    """
     path = curve()
-    axes = [Axis(n, max_speed=0.6, max_acceleration=(1.5, 1.0), max_jerk=(8.0, 10.0)) for n in path.names]
+    axes = [
+        Axis(n, max_speed=0.6, max_acceleration=(1.5, 1.0), max_jerk=(8.0, 10.0))
+        for n in path.names
+    ]
     problem, start = jerk_problem(path, limits_of(path, axes, 3), Run(0, 0))
     guess = start.on(problem.s)
     forth = third_order(problem, guess)
@@ -231,7 +260,10 @@ def test_less_room_is_kept():
     rooms = np.ones(problem.intervals)
     rooms[middle] = 0.5
     tight = replace(
-        problem, blocks=tuple(replace(b, room=rooms if b.name == "speed" else b.room) for b in problem.blocks)
+        problem,
+        blocks=tuple(
+            replace(b, room=rooms if b.name == "speed" else b.room) for b in problem.blocks
+        ),
     )
     free, kept = (third_order(p, start.on(problem.s)).profile for p in (problem, tight))
     speed = np.abs(path.derivatives(kept.s, kept.piece)[1] * kept.v[:, None]).max(1)
@@ -241,7 +273,9 @@ def test_less_room_is_kept():
 
 
 def test_what_a_solver_leaves_is_closed():
-    """Columns a millionth off miss the end by as much; closed, they arrive, at rest, by a change of that size."""
+    """Columns a millionth off miss the end by as much; closed, they arrive, at rest, by a change of
+    that size.
+    """
     path = curve()
     problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
     exact = third_order(problem, start.on(problem.s)).profile
@@ -279,7 +313,9 @@ def test_without_solvers_the_averaged_motion_holds_its_certificate(monkeypatch, 
 
 @pytest.mark.parametrize("missing", [["speed"], ["acceleration"], ["speed", "acceleration"]])
 def test_other_limits_may_be_missing(missing, seven_segments):
-    """What is left bounds the motion, jerk alone too: the closed forms with the missing ones out of reach."""
+    """What is left bounds the motion, jerk alone too: the closed forms with the missing ones out of
+    reach.
+    """
     bounds = {"speed": 0.5, "acceleration": 1.0, "jerk": 10.0}
     path = line(1.0)
     profile = solved(path, limits_on(path, **(bounds | dict.fromkeys(missing))))
@@ -294,7 +330,9 @@ def test_without_a_limit_of_jerk_it_is_refused():
 
 
 def test_a_motion_that_uses_little_of_every_limit_is_looked_at_no_more(monkeypatch):
-    """Then nothing is left whose peaks could count: it was an internal error on axes held below resonance bands."""
+    """Then nothing is left whose peaks could count: it was an internal error on axes held below
+    resonance bands.
+    """
     path = curve()
     problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
     guess = start.on(problem.s)
@@ -306,7 +344,9 @@ def test_a_motion_that_uses_little_of_every_limit_is_looked_at_no_more(monkeypat
 
 
 def test_a_quick_solve_refuses_what_the_full_one_refuses():
-    """An unbounded motion, and an end speed that the closed form of a straight run excludes exactly."""
+    """An unbounded motion, and an end speed that the closed form of a straight run excludes
+    exactly.
+    """
     path = line(1.0)
     unbounded = solve_once(Task(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3))
     assert "unbounded" in str(unbounded.refusal)
