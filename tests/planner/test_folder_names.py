@@ -40,6 +40,8 @@ INTERNALS = {
     "planner/certificate/test_ranges.py",
     "planner/limits/test_tool_jerk.py",
     "planner/limits/test_resonance.py",
+    # a page whose search of all stops is cut to one interval
+    "docs/test_pages.py",
     # how much work a bound may be, and what an adapter says
     "pulsepath/commands/test_plan_bound.py",
     "pulsepath/commands/test_plan_cross_check.py",

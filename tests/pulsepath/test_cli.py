@@ -13,6 +13,7 @@ import pytest
 
 from kinematics.machine.axis import DRIVES
 from planner.pulses import RULES, find_rule
+from pulsepath.docstrings import first_paragraph
 from pulsepath.job import Defect
 
 FILES = {
@@ -597,7 +598,7 @@ def test_rules_are_listed_with_their_options(call):
     record = json.loads(call("rules", "--json").stdout)
     shown = call("rules").stdout
     for name, rule in RULES.items():
-        assert record[name]["about"] == (rule.__doc__ or "").splitlines()[0]
+        assert record[name]["about"] == first_paragraph(rule)
         assert any(line.split()[:1] == [name] for line in shown.splitlines())
     period = record["sampled"]["options"]["period"]
     assert find_rule(f"sampled:period={period['default']} {period['unit']}") == find_rule("sampled")

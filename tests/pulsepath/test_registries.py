@@ -15,6 +15,7 @@ from planner import program_names
 from planner.export.format import FORMATS, find_format, takes_stop
 from planner.sources.source import SOURCES, find_source, suffix_formats
 from pulsepath import known_names, registries
+from pulsepath.docstrings import first_paragraph
 from pulsepath.format_options import EXPORTS, STOPS, list_options
 
 FORMAT_TABLES = {
@@ -47,7 +48,7 @@ def test_names_of_presets_are_those_that_load():
 @pytest.mark.parametrize("what", FORMAT_TABLES)
 def test_help_is_the_first_line_of_the_docstring(what):
     table, find, helps, _ = FORMAT_TABLES[what]
-    assert helps == {name: find(name).__doc__.splitlines()[0] for name in table}
+    assert helps == {name: first_paragraph(find(name)) for name in table}
 
 
 @pytest.mark.parametrize("what", FORMAT_TABLES)
