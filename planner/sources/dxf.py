@@ -238,9 +238,8 @@ def refuse_unknown(path: Path, entities: list[PlacedEntity], faults: Faults) -> 
 
 @dataclass(frozen=True, slots=True)
 class Dxf:
-    """DXF drawings: lines, arcs, circles, polylines, ellipses, splines, blocks.
-
-    Texts and the like are skipped.
+    """DXF drawings: lines, arcs, circles, polylines, ellipses, splines, blocks. Texts and the like are
+    skipped.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".dxf",)
