@@ -51,7 +51,7 @@ from planner.timing.tighten import SOLVER_MARGIN, required_slowness, tighten_unt
 # in between slows it in one place only.
 MAX_ACCEPTED_SLOWNESS = 1.01
 # Share by which the limits of a nearly straight ramp may vary along it. The 20 files of evidence
-# cam_files take 5.47 instead of 5.94 s to plan at order 3 with this way, and their motion as long.
+# cam_files take 5.4 instead of 5.8 s to plan at order 3 with this way, and their motion as long.
 MAX_BEND = 0.15
 # Ramps of s̈ shorter than this share of a motion are ramps that no solver can tell from steps.
 SURELY_BRIEF = 1e-5
@@ -365,7 +365,7 @@ ATTEMPTS = {
         ),
         Attempt(
             "Ramps along an arc are nearly straight: their closed form shows as much as a rough "
-            "solution, in a tenth of its time.",
+            "solution.",
             solve_from_closed_form,
             once=True,
         ),
