@@ -260,8 +260,8 @@ class LimitProof:
         most_parts = MOST_PARTS if loose.sum() <= FEW_CELLS else 2
         parts = int(np.clip(np.ceil(np.sqrt(excess)), 2, most_parts))
         least = self.least_share * np.diff(self.trajectory.knots)[cells.k]
-        too_short = cells.lengths < parts * least
-        if parts * loose.sum() > MAX_CELLS or too_short.any():
+        loose &= cells.lengths >= parts * least  # the others keep their bounds
+        if parts * loose.sum() > MAX_CELLS:
             loose[:] = False
         return loose, parts
 

@@ -18,8 +18,11 @@ from planner.certificate import (
     prove_path_use,
     round_reached_use,
 )
+from planner.certificate.cells import Cells
+from planner.certificate.limit_use import LimitProof
 from planner.limits import limits_of
 from planner.path.actuation import actuate
+from planner.trajectory import unit_speed_trajectory
 
 LINE = PPoly(np.array([[[1.0, 0.5]], [[0.0, 0.0]]]), [0.0, 1.0])
 BEND = CubicSpline([0.0, 0.5, 1.0], [[0.0, 0.0], [0.6, 0.3], [1.0, 1.0]])
@@ -121,3 +124,17 @@ def test_what_geometry_uses_is_proved_once_for_equal_content(hexapod):
     forget_paths()
     assert use() is not first
     assert not first["travel"].flags.writeable
+
+
+def test_a_cell_that_is_too_short_to_split_leaves_the_others_to_refinement():
+    """Both cells have a first bound of 2: the first one keeps it, the second one is proved anew."""
+    path = time_optimal(BEND, max_speed=1.0, max_acceleration=2.0).trajectory.path
+    motion = unit_speed_trajectory(path)
+    ends = np.diff(motion.knots)[:2]
+    cells = Cells(np.array([0, 1]), np.zeros(2), np.array([1e-9, 1.0]) * ends)
+    axes = [Axis(name=name, max_speed=10.0, max_acceleration=2.0) for name in path.names]
+    (speed,) = (limit for limit in limits_of(path, axes, 2) if limit.name == "speed")
+    proof = LimitProof(motion, speed, order=2)
+    proof.run(cells, (np.full(2, 2.0), np.zeros(2)))
+    assert proof.use[0] == 2
+    assert 0 < proof.use[1] < 0.3
