@@ -192,7 +192,7 @@ def solve_goal(
     trajectory, known = _join_runs(path, limits, certified, stops)
     methods = tuple(one.solution.method for one in certified)
     rounds = max(one.rounds for one in certified)
-    least = sum(one.solution.bound for one in certified) + float(path.dwells.sum())
+    least = sum(one.solution.lower_estimate for one in certified) + float(path.dwells.sum())
     room = certified[-1].room
     # the runs take as much memory as the trajectory that is joined of them
     solved.clear()

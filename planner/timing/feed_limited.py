@@ -24,7 +24,7 @@ from planner.limits.resonance import Resonance
 from planner.timing.cruise import Caps, find_caps, follow_cap
 from planner.timing.grid import Task
 from planner.timing.initial_guess import bound_term, reduce_pieces
-from planner.timing.order2.closed_form import least_ramp, nearly_straight_ramp
+from planner.timing.order2.closed_form import least_ramp
 from planner.timing.order2.second_order import is_of_speed
 from planner.timing.problem import POWERS, EndCondition, Problem, Run
 from planner.timing.solution import FEED_LIMITED, RunSolution
@@ -39,10 +39,8 @@ RAMP_SHARES = (0.5, 0.05)
 SPEED_ROUNDING = 1e-13
 # Share of a ramp's largest speed and acceleration by which its ends may differ from the cruise's.
 SAME_STATE = 1e-9
-# A closed form may lengthen a run by this share of its duration, and leave unused up to this share
-# of the limits on its ramps.
-CLOSED_FORM_LOSS = 1e-7
-MAX_UNUSED_SHARE = 0.02
+# Share of the duration of a run's cruises that one of its ramps may lose.
+NEGLIGIBLE_SHARE = 5e-7
 
 
 Stretch = tuple[float, float]
@@ -91,13 +89,13 @@ class FeedLimitedRun:
         if not parts:
             return None
         cruising = sum(part.cruise.duration for part in parts if part.cruise is not None)
+        tolerant = replace(self.task, negligible=NEGLIGIBLE_SHARE * cruising)
         solutions: list[RunSolution] = []
         for number, part in enumerate(parts):
             solution = part.cruise
             if solution is None:
                 ramp = self._meet_cruises(parts, number)
-                task = self.task.with_run(ramp)
-                solution = _solve_in_closed_form(task, cruising) or solve(task)
+                solution = solve(tolerant.with_run(ramp))
                 if not solution.solved or not self._is_joined(solution, ramp):
                     return None
             solutions.append(solution)
@@ -195,16 +193,6 @@ class FeedLimitedRun:
             if self.task.order == 3 and abs(a - condition.acceleration) > largest_a:
                 return False
         return True
-
-
-def _solve_in_closed_form(task: Task, cruising: float) -> RunSolution | None:
-    """Return a ramp in closed form, where it is so short that the loss of time is negligible.
-
-    cruising  duration of all cruises
-    """
-    length = float(task.sketch.s[-1] - task.sketch.s[0])
-    share = CLOSED_FORM_LOSS * cruising * max(task.run.speeds) / length
-    return nearly_straight_ramp(task.sketch, min(share, MAX_UNUSED_SHARE))
 
 
 def _cruises_at(end: EndCondition, cap: float) -> bool:

@@ -85,12 +85,16 @@ SAME_PLACE = 1e-12
 
 @dataclass(frozen=True)
 class Task:
-    """A run that is to be timed within limits, and the problems on it that several ways share."""
+    """A run that is to be timed within limits, and the problems on it that several ways share.
+
+    negligible  time (s) that a simpler solution may lose
+    """
 
     path: ActuatorPath
     limits: Sequence[Limit]
     run: Run
     order: int
+    negligible: float = 0.0
 
     def with_run(self, run: Run) -> "Task":
         """Return the task for another run."""
@@ -112,6 +116,8 @@ class Task:
     @cached_property
     def active_limits(self) -> list[Limit]:
         """Limits without those on loads that surely stay far from binding."""
+        if not any(Term.ONE in limit.terms for limit in self.limits):
+            return list(self.limits)
         return leave_out_idle(self.limits, self.coarse)
 
     @cached_property
@@ -350,6 +356,24 @@ def place_problem(
     """
     s, piece = _place_grid(THIRD_ORDER, path, run, motion, weight)
     return pose_problem(path, limits, s, piece, run.ends)
+
+
+def divide_motion(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    run: Run,
+    motion: Profile,
+    parts: int,
+) -> Problem:
+    """Pose a run within one piece on the time pieces of a motion, each cut into parts.
+
+    s⃛ may step where the motion's does: few intervals lose as little as many elsewhere.
+    """
+    owner = np.repeat(np.arange(len(motion.h)), parts)
+    shares = np.arange(parts) / parts
+    s, *_ = motion.at(owner, np.outer(motion.h, shares).ravel())
+    s = np.append(s, run.breaks(path)[-1])
+    return pose_problem(path, limits, s, motion.piece[owner], run.ends)
 
 
 def _place_grid(

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.place import Infeasible
-from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Problem
+from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Problem, Solver
 from planner.timing.profile import Profile
 
 Status = Literal["solved", "too fast", "infeasible", "stopped"]
@@ -66,20 +66,20 @@ class TooFast(MotionError):
 class RunSolution:
     """The outcome of solving a run or a part of it.
 
-    bound     estimate (s) of the least time that the run can take; 0 without an estimate
-    maker     solver or other source of the motion
-    problem   problem that it answers; None for closed forms and joined motions
-    use       sampled use of limits on each time piece, if the solver sampled it
-    tries     number of times that it was solved
-    slowness  duration as a multiple of the solver's answer, where it was slowed as a whole
-    parts     solutions of which it is joined
-    fallback  motion that respects every limit, for goals that have one
-    refusal   the reason why there is no motion
+    lower_estimate  estimate (s) of the least time that the run can take; 0 without an estimate
+    maker           solver or other source of the motion
+    problem         problem that it answers; None for joined motions and cruises
+    use             sampled use of limits on each time piece, if the solver sampled it
+    tries           number of times that it was solved
+    slowness        duration as a multiple of the solver's answer, where it was slowed as a whole
+    parts           solutions of which it is joined
+    fallback        motion that respects every limit, for goals that have one
+    refusal         the reason why there is no motion
     """
 
     status: Status
     profile: Profile
-    bound: float = 0.0
+    lower_estimate: float = 0.0
     maker: str = ""
     problem: Problem | None = field(default=None, repr=False)
     use: Mapping[str, Array] | None = field(default=None, repr=False)
@@ -108,8 +108,8 @@ class RunSolution:
         if len(parts) == 1:
             return parts[0]
         profile = Profile.joined([part.profile for part in parts])
-        bound = sum(part.bound for part in parts)
-        return cls("solved", profile, bound, maker, parts=tuple(parts))
+        estimate = sum(part.lower_estimate for part in parts)
+        return cls("solved", profile, estimate, maker, parts=tuple(parts))
 
     @property
     def solved(self) -> bool:
@@ -149,6 +149,22 @@ class RunSolution:
         return self.problem is not None and self.fallback is None
 
     @property
+    def exact(self) -> bool:
+        """True if it is a closed form, which aims nearer at the limits than solvers."""
+        return self.maker in (STRAIGHT, CRUISE)
+
+    @property
+    def order_2_solver(self) -> Solver | None:
+        """Solver of order 2 that found it, if one did."""
+        return next((solver for solver in get_args(Solver) if solver == self.maker), None)
+
+    @property
+    def can_be_solved_again(self) -> bool:
+        """True if it is a solver's answer, which less room changes."""
+        is_answer = self.maker not in (STRAIGHT, AVERAGED, BRIEF_RAMPS)
+        return is_answer and self.problem is not None and self.slowness == 1
+
+    @property
     def has_end_speed(self) -> bool:
         """True if it begins or ends in motion: such a motion cannot be slowed."""
         if any(part.has_end_speed for part in self.parts):
@@ -184,7 +200,7 @@ class RunSolution:
         the limits: such a speed is given, and may be that of a motion in closed form.
         """
         aims = np.full(len(self.profile.h), SOLVER_AIM)
-        if self.maker in (STRAIGHT, CRUISE):
+        if self.exact:
             aims[:] = EXACT_AIM
         if self.has_end_speed:
             aims[[0, -1]] = EXACT_AIM

@@ -22,13 +22,7 @@ from planner.timing.order3.solve import solve_jerk_limited
 from planner.timing.problem import Block, Problem
 from planner.timing.rows import leave_out_idle
 from planner.timing.sampling import MIN_WATCHED_USE, sample_limit_use
-from planner.timing.solution import (
-    AVERAGED,
-    BRIEF_RAMPS,
-    CRUISE,
-    STRAIGHT,
-    RunSolution,
-)
+from planner.timing.solution import CRUISE, RunSolution
 
 # Room taken off, as a multiple of the excess and of the number of tries: more each time, since a
 # peak between grid points heeds the room only in part.
@@ -75,7 +69,7 @@ def tighten_until_kept(
         watched = [limit for limit in watched if most.get(limit.name, 0.0) > MIN_WATCHED_USE]
         if slowness <= 1 + SOLVER_MARGIN:
             break
-        if solution.maker not in ("passes", "toppra"):
+        if solution.order_2_solver is None:
             slowness *= UNSEEN_EXCESS
         before = solution
         solution = _tighten_part(task, solution, aimed_use, slowness)
@@ -127,13 +121,15 @@ def _tighten_part(
     """Solve again with less room, or slow a motion from rest to rest where that gains more."""
     if part.maker == CRUISE:
         return RunSolution.refused(MotionError("the capped tool speed exceeds another limit"))
-    can_solve = part.problem is not None and part.slowness == 1
-    can_solve &= part.maker not in (AVERAGED, BRIEF_RAMPS, STRAIGHT)
     pays = slowness > MAX_CHEAP_SLOWNESS and part.tries < MAX_TRIES
-    if can_solve and (pays or part.has_end_speed):
+    if part.can_be_solved_again and (pays or part.has_end_speed):
         solution = _solve_again(task, part, use)
         if solution.solved:
-            return replace(solution, bound=part.bound, tries=part.tries + 1)
+            return replace(
+                solution,
+                lower_estimate=part.lower_estimate,
+                tries=part.tries + 1,
+            )
         if part.has_end_speed:
             return solution
     if part.has_end_speed:
@@ -156,8 +152,8 @@ def _solve_again(
     """Solve again with less room, on a finer grid where less room did not help."""
     assert part.problem is not None
     tighter = lower_rooms(part.problem, use, part.tries)
-    if part.maker in ("passes", "toppra"):
-        return second_order(tighter, solver="passes" if part.maker == "passes" else "toppra")
+    if part.order_2_solver is not None:
+        return second_order(tighter, solver=part.order_2_solver)
     excess = np.max([use[block.name] for block in tighter.blocks if block.name in use], axis=0)
     guess = part.profile.columns()
     least = MIN_LATE_CUT_EXCESS if part.tries > 2 else MIN_CUT_EXCESS

@@ -37,6 +37,9 @@ MIN_RAMP_SHARE = 1e-9
 # Ramps between cruises take at least this many roundings of a path length: the proof of the tool's
 # speed is off by about the inverse. A ramp to 10 µm/s at 60 mm takes 1.3 nm and 0.3 ms for it.
 MIN_RAMP_ROUNDINGS = 1e8
+# Share of the limits on speed from which an end's speed counts as capped: cruises that follow a cap
+# are slower than it by up to 5e-5.
+MIN_CAPPED_SHARE = 1 - 1e-3
 TANGENTIAL = (Term.SD, Term.SDD, Term.SDDD)
 
 Piece = tuple[float, float, float]
@@ -173,32 +176,42 @@ def straight(problem: Problem) -> RunSolution | None:
     """
     if any(end.acceleration != 0 for end in problem.ends):
         return None
-    bounds = _bound_run(problem)
-    if bounds is None:
+    bounded = _bound_run(problem)
+    if bounded is None:
         return None
+    limits, unused = bounded
+    aim = EXACT_AIM - unused
+    bounds = limits.scale(aim, aim, aim)
     if max(problem.speeds) == 0:
         bounds = bounds.lengthen_ramps(_length(problem))
     return _find_fastest(problem, bounds)
 
 
 def nearly_straight_ramp(problem: Problem, share: float) -> RunSolution | None:
-    """Find a ramp from or to a speed that is about a share longer than the fastest at most.
+    """Find a ramp from or to the capped speed, about a share longer than the fastest at most.
 
-    Rows hardly vary along a short ramp, and curvature uses little: as much is left unused. None
-    where that would be more than the share, or where the ends have no such motion.
+    Rows hardly vary along a short ramp, and curvature uses little: as much is left unused. The
+    lower estimate is the time that the ramp would take if it used that as well. None where rows or
+    curvature use more than the share, where a motion might be faster than the speeds at the ends,
+    or where these have no such motion.
     """
     top_speed = max(problem.speeds)
     if top_speed == 0 or problem.piece[0] != problem.piece[-1]:
         return None
     if any(end.acceleration != 0 or end.zero_derivatives for end in problem.ends):
         return None
-    bounds = _bound_run(problem, share, top_speed)
-    if bounds is None:
+    bounded = _bound_run(problem, share, capped=True)
+    if bounded is None:
         return None
+    limits, unused = bounded
+    if top_speed < MIN_CAPPED_SHARE * limits.v_max:
+        return None
+    aim = EXACT_AIM - unused
     farthest = float(np.abs(problem.s).max())
+    bounds = replace(limits.scale(1.0, aim, aim), v_max=top_speed)
     bounds = bounds.stretch_ramp(problem.speeds, least_ramp(farthest))
     motion = _find_fastest(problem, bounds)
-    return motion if motion.solved else None
+    return replace(motion, lower_estimate=aim * motion.duration) if motion.solved else None
 
 
 def least_ramp(s: float) -> float:
@@ -220,11 +233,13 @@ def _find_fastest(problem: Problem, bounds: _Bounds) -> RunSolution:
     too_fast = _check_ends(bounds, length, (v_0, v_1))
     if too_fast is not None:
         return RunSolution.refused(too_fast)
+    high = max(v_0, v_1)
     if bounds.length(v_0, v_1) > length * (1 + ROUNDING):
         low = min(v_0, v_1)
         v = _find_root(lambda bottom: excess(bottom) if bottom < low else np.inf, 0.0)
+    elif high >= bounds.v_max:
+        v = high
     else:
-        high = max(v_0, v_1)
         v = max(high, min(_find_root(excess, high), bounds.v_max))
     before, first = bounds.change(v_0, v)
     after, last = bounds.change(v, v_1)
@@ -262,13 +277,12 @@ def _check_ends(
 def _bound_run(
     problem: Problem,
     share: float = STRAIGHTNESS_SHARE,
-    top_speed: float | None = None,
-) -> _Bounds | None:
-    """Return the bounds that the motion aims at: the limits less the use by curvature and
-    variation.
+    capped: bool = False,
+) -> tuple[_Bounds, float] | None:
+    """Return constant limits, and the share of them that curvature and variation may use.
 
-    share      of the limits that these may use; None where they use more
-    top_speed  ṡ that is known to hold, in place of the limits on speed
+    share      largest share by which rows may vary, or that curvature may use; None beyond it
+    capped     limits on speed may vary: the least counts all along the run
     """
     if not problem.is_unconditional or not all(map(_is_plain, problem.blocks)):
         return None
@@ -283,27 +297,25 @@ def _bound_run(
             if term not in TANGENTIAL:
                 curving.append((term, size))
                 continue
-            if size and not (term is Term.SD and top_speed is not None):
-                difference = float(np.abs(values - values[0]).max())
-                variation = max(variation, difference / size)
+            if not (capped and term is Term.SD):
+                difference = float(np.abs(values - values[0]).max(initial=0.0))
+                variation = max(variation, difference / size if size else 0.0)
+                values = values[:1]
             if variation > share:
                 return None
             for use, sign in ((forwards, 1), (backwards, -1)):
-                largest = float(block.share(sign * values[0]).max(initial=0.0))
+                largest = float(block.share(sign * values).max(initial=0.0))
                 use[term] = max(use[term], largest)
     if not forwards[Term.SDDD] and not forwards[Term.SDD]:
         return None
 
     v_max, a_max, j_max = (_invert(forwards[term]) for term in TANGENTIAL)
     _, a_min, j_min = (_invert(backwards[term]) for term in TANGENTIAL)
-    if top_speed is not None:
-        v_max = top_speed / EXACT_AIM
     limits = _Bounds(v_max, a_max, a_min, j_max, j_min)
     curvature = _bound_curvature(limits, _length(problem), curving)
     if curvature > share:
         return None
-    aim = EXACT_AIM - 2 * variation - curvature
-    return limits.scale(aim if top_speed is None else EXACT_AIM, aim, aim)
+    return limits, 2 * variation + curvature
 
 
 def _is_plain(block: Block) -> bool:
