@@ -23,6 +23,15 @@ proportion to the number of intervals. Beyond the paper, inactive constraints ar
 | W + Σ | `Derivatives.hessian` | Hessian with the slacks eliminated |
 | δ_w | `delta_w` | regularization of the Hessian |
 | F | `Filter` | filter |
+
+Other than in the paper,
+
+- λ is 0 at first, and s_d (after equation 5) counts z alone;
+- step A-2 asks for E_μ ≤ κ_ε μ at the last μ, of `tolerance`, in place of E_0 ≤ ε_tol;
+- step A-3 is repeated in every iteration, not in the first one alone;
+- there are no second-order corrections, no δ_c and no restoration phase: after MAX_HALVINGS the
+  shortest step is taken;
+- the filter is emptied where the active constraints or their bounds change.
 """
 
 from collections.abc import Callable, Sequence
