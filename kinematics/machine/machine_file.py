@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from importlib.resources.abc import Traversable
 from os import PathLike
 from pathlib import Path
@@ -244,7 +244,17 @@ def load_machine(name_or_path: MachineSource) -> Machine:
         name_or_path, "home_q"
     ):  # what has its parts is as good
         return cast(Machine, name_or_path)
-    return read_machine(find("kinematics", "machine", name_or_path))
+    source = find("kinematics", "machine", name_or_path)
+    if isinstance(name_or_path, str) and name_or_path in presets("kinematics"):
+        bundled = _read_bundled(name_or_path)
+        return bundled.driven_by(bundled.axes)  # a copy, whose axes may be replaced
+    return read_machine(source)
+
+
+@cache
+def _read_bundled(name: str) -> Machine:
+    """Read a bundled machine once: its copies share what is derived from its geometry."""
+    return read_machine(presets("kinematics")[name])
 
 
 def machine_names() -> tuple[str, ...]:

@@ -6,7 +6,6 @@ Of a pose's several coordinates a path starts at home's and stays on their branc
 
 from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Protocol
 
 import casadi as ca
@@ -252,7 +251,39 @@ def has_constant_speed(path: ActuatorPath) -> bool:
     return any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1))
 
 
-@lru_cache(maxsize=128)
+# Maps of a machine that are retained: a formula has a shape of its own.
+MOST_MAPS = 128
+
+
+class _Maps(dict[Hashable, Expression]):
+    """Maps of a machine along paths, by what makes them and for which shape.
+
+    They depend on its geometry alone, so that copies of the machine share them. Other processes
+    make their own.
+    """
+
+    def __init__(self, machine: Machine | None = None) -> None:
+        super().__init__()
+
+    def __reduce__(self) -> tuple[type["_Maps"], tuple[()]]:
+        return _Maps, ()
+
+
+def _find_map(
+    machine: Machine,
+    make: Callable[..., Expression],
+    *shape: Hashable,
+) -> Expression:
+    """Return what a function makes of a machine and a shape, made once."""
+    maps = machine.derive(_Maps)
+    made = maps.get((make, *shape))
+    if made is None:
+        made = maps[make, *shape] = make(machine, *shape)
+        while len(maps) > MOST_MAPS:
+            maps.pop(next(iter(maps)), None)
+    return made
+
+
 def _actuator_map(machine: Machine, shape: Shape, highest: int) -> Expression:
     """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape,
     differentiated.
@@ -266,16 +297,14 @@ def _actuator_map(machine: Machine, shape: Shape, highest: int) -> Expression:
     return differentiate(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near), highest)
 
 
-@lru_cache(maxsize=256)
 def _axis_map(machine: Machine, shape: Shape, highest: int, axis: int) -> Expression:
     """The same of one axis."""
     width = len(machine.axes)
-    return _actuator_map(machine, shape, highest).select_rows(
+    return _find_map(machine, _actuator_map, shape, highest).select_rows(
         range(axis, (highest + 1) * width, width)
     )
 
 
-@lru_cache(maxsize=128)
 def _pose_numbers_map(machine: Machine, shape: Shape, highest: int) -> Expression:
     """The same -> the pose's numbers x, x′, x″, x‴, with what follows filled in."""
     s, parameters, near = (
@@ -291,10 +320,9 @@ def _pose_numbers_map(machine: Machine, shape: Shape, highest: int) -> Expressio
     return differentiate(f"{shape.name}_posed", column(position, rotation), s, inputs, highest)
 
 
-@lru_cache(maxsize=128)
 def _position_map(machine: Machine, shape: Shape) -> Expression:
     """The same -> position x and x′, without the work for the rotation."""
-    return _pose_numbers_map(machine, shape, 1).select_rows([0, 1, 2, 12, 13, 14])
+    return _find_map(machine, _pose_numbers_map, shape, 1).select_rows([0, 1, 2, 12, 13, 14])
 
 
 class MachinePath:
@@ -441,15 +469,13 @@ class MachinePath:
         return s
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        every = self._evaluate(lambda shape: _actuator_map(self.machine, shape, highest), s, piece)
+        every = self._evaluate(self._maps(_actuator_map, highest), s, piece)
         return _split_columns(every, highest + 1)
 
     def axis_derivatives(
         self, axis: int, s: Array, piece: np.ndarray, highest: int = 3
     ) -> Derivatives:
-        every = self._evaluate(
-            lambda shape: _axis_map(self.machine, shape, highest, axis), s, piece
-        )
+        every = self._evaluate(self._maps(_axis_map, highest, axis), s, piece)
         return _split_columns(every, highest + 1)
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:
@@ -459,15 +485,19 @@ class MachinePath:
         return self.machine.carried_map(self.machine.inputs(drawn, self._near[piece]))
 
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        every = self._evaluate(
-            lambda shape: _pose_numbers_map(self.machine, shape, highest), s, piece
-        )
+        every = self._evaluate(self._maps(_pose_numbers_map, highest), s, piece)
         return _split_columns(every, highest + 1)
 
     def position_derivatives(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
         """The platform's origin and its first derivative by path length, each (N, 3)."""
-        both = self._evaluate(lambda shape: _position_map(self.machine, shape), s, piece)
+        both = self._evaluate(self._maps(_position_map), s, piece)
         return both[:, :3], both[:, 3:]
+
+    def _maps(
+        self, make: Callable[..., Expression], *settings: Hashable
+    ) -> Callable[[Shape], Expression]:
+        """Return the machine's maps by shape."""
+        return lambda shape: _find_map(self.machine, make, shape, *settings)
 
     def _evaluate(
         self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray

@@ -375,3 +375,11 @@ def test_a_word_that_a_bundled_machine_has_is_no_kind_but_the_way_to_its_file(tm
         match=r'"corexy" is not a kind .* a machine of kind "equations": .*--machine corexy',
     ):
         load_machine(tmp_path / "mine.toml")
+
+
+def test_copies_of_a_bundled_machine_share_its_maps_and_have_axes_of_their_own():
+    one = load_machine("tripod")
+    other = load_machine("tripod")
+    assert other.inverse_map is one.inverse_map
+    one.axes = tuple(replace(axis, max_speed=1e-3) for axis in one.axes)
+    assert other.axes == load_machine("tripod").axes != one.axes
