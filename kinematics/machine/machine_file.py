@@ -38,25 +38,24 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 
 Construct = Callable[[Any, str, Path | Traversable], Machine]
-"""What makes a machine of a valid file, its name and its folder."""
+"""Function that makes a machine of a valid file, its name and its folder."""
 
 
 def read_machine(source: Path | Traversable) -> Machine:
-    """The machine that a file describes, named after the file.
+    """Return the machine that a file describes, named after the file.
+
+    The geometry file of [KMITL 2005], which is no TOML, is read as well.
 
     Raises FileError with every fault of the file.
-
-    Also that of the geometry file of [KMITL 2005], which is no TOML.
     """
     return validate_machine_file(source)()
 
 
 def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
-    """What makes the machine that a file describes; making it takes many times as long.
+    """Return a function that makes the machine of a file, which takes many times as long as this.
 
-    Raises FileError with every fault that the keys of the file show. What only the machine shows,
-    such as a home pose out of reach, is raised as it is made; so is all of the geometry file of
-    [KMITL 2005].
+    Raises FileError with every fault of the keys. The function raises faults of the machine, such
+    as a home pose out of reach, and all faults of the geometry file of [KMITL 2005].
     """
     if is_basic_lengths(source):
         return lambda: read_basic_lengths(
@@ -67,9 +66,7 @@ def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
 
 @dataclass(frozen=True, slots=True)
 class MachineSummary:
-    """The axes of a machine, before any [[vibration]] shapes them, and the components of a pose
-    that they control.
-    """
+    """Axes of a machine, before [[vibration]] shapes them, and the pose components they control."""
 
     name: str
     kind: str
@@ -78,9 +75,7 @@ class MachineSummary:
 
 
 def read_summary(source: Path | Traversable) -> MachineSummary:
-    """Return the summary of a machine.
-
-    Of most kinds the file states it, and the machine is not made.
+    """Return the summary of a machine. Most files state it, so that no machine is made.
 
     Raises FileError as `validate_machine_file`.
     """
@@ -102,7 +97,7 @@ def read_summary(source: Path | Traversable) -> MachineSummary:
 
 
 def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Construct]:
-    """What a file says, by the schema of its kind, and what makes the machine of that."""
+    """Return a file's document, its model by the schema of its kind, and what constructs it."""
     document = read(source)
     refuse_wrong_kind(document, MachineFile.what)
     kind = document.data.get("kind")
@@ -110,10 +105,8 @@ def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Cons
         raise FileError(document.file, [document.fault(("kind",), _refuse_kind(kind))])
     schema, construct, names = KINDS[kind]
     names = names or joints_of(document.data)
-    wired, driven = (
-        partial(find_wiring_faults, names),
-        partial(find_pulse_faults, names, _find_turning(document.data)),
-    )
+    wired = partial(find_wiring_faults, names)
+    driven = partial(find_pulse_faults, names, _find_turning(document.data))
     rules: list[Rule] = [find_repeated_names, driven, find_stray_axis_tables, wired]
     if any("leg_length" in table.model_fields for table in schema.tables_of("axes")):
         rules.append(partial(find_travel_faults, names))
@@ -123,35 +116,36 @@ def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Cons
     if (repeated := find_repeated(model.vibration)) is not None:
         first, again = repeated
         place = f"vibration[{first + 1}] in line {document.line(('vibration', first))}"
-        told = (
-            f"the same vibration as {place}, against which axes would be shaped twice: remove one of the two; "
-            'where the frequency is uncertain, write kind = "zvd" or "ei" in the one that stays'
+        message = (
+            f"the same vibration as {place}, against which axes would be shaped twice: remove one "
+            'of the two; where the frequency is uncertain, write kind = "zvd" or "ei" in the one '
+            "that stays"
         )
-        raise FileError(document.file, [document.fault(("vibration", again), told)])
+        raise FileError(document.file, [document.fault(("vibration", again), message)])
     return document, model, construct
 
 
 def _find_turning(data: Mapping[str, Any]) -> tuple[str, ...]:
-    """The axes for which a file may have a table of their own, [rotary]."""
+    """Return the axes that may have a table of their own, [rotary]."""
     geometry = data.get("geometry")
     stated = geometry.get("rotary") if isinstance(geometry, dict) else None
     return tuple(map(str, stated)) if isinstance(stated, tuple) else (ROTARY,)
 
 
 def _refuse_kind(kind: Any) -> BadValue:
-    """Why it is no kind; of a word that a machine of another kind is called by, with the way to its
-    file.
-    """
+    """Return the refusal of a kind. The name of a bundled machine is answered with its kind."""
     known = ", ".join(map(describe_value, KINDS))
-    told, bundled = f"{describe_value(kind)} is not a kind of machine", presets("kinematics")
+    bundled = presets("kinematics")
+    message = f"{describe_value(kind)} is not a kind of machine"
     if kind is None:
-        told = "missing"
+        message = "missing"
     elif isinstance(kind, str) and kind in bundled:
         own = str(read(bundled[kind]).data["kind"])
-        told += f", but a machine of kind {describe_value(own)}: pulsepath init --machine {kind} writes its file"
-        return BadValue(f"{told}; kinds: {known}", allowed=known, nearest=own)
+        message += f", but a machine of kind {describe_value(own)}"
+        message += f": pulsepath init --machine {kind} writes its file"
+        return BadValue(f"{message}; kinds: {known}", allowed=known, nearest=own)
     return BadValue(
-        f"{told}{nearest(str(kind), KINDS)}; kinds: {known}",
+        f"{message}{nearest(str(kind), KINDS)}; kinds: {known}",
         allowed=known,
         nearest=closest(str(kind), KINDS),
     )
@@ -190,11 +184,9 @@ def _make_machine(
 
 
 def _locate_fault(data: Mapping[str, Any], error: MotionError) -> Key:
-    """Where the file says what its machine refuses: the table that has the error's key, an axis'
-    own one first.
-    """
-    *of, name = getattr(error, "key", ()) or ("geometry",)
-    own = [("axis", n) for n, table in enumerate(data.get("axis", ())) if table.get("name") in of]
+    """Return the place of the key that an error names: in the table of its axis, or in another."""
+    *axes, name = getattr(error, "key", ()) or ("geometry",)
+    own = [("axis", n) for n, table in enumerate(data.get("axis", ())) if table.get("name") in axes]
     tables: list[tuple[Key, Any]] = [(place, data["axis"][place[1]]) for place in own]
     tables += [((key,), data.get(key)) for key in ("axes", "rotary", "geometry", "wiring")]
     places = (
@@ -211,13 +203,13 @@ KINDS: dict[str, tuple[type[MachineFile], Construct, Sequence[str]]] = {
     "arm": (ArmFile, build_arm, ()),
     "equations": (EquationsFile, build_equations, ()),
 }
-"""Every kind of machine: the schema of its file, what makes the machine of a valid one, its name
-and folder, and the names of its axes where the kind says them.
+"""Every kind of machine: schema of its file, function that makes the machine, and the names of its
+axes where the kind defines them.
 """
 
 
 MachineSource = Machine | str | PathLike[str]
-"""A machine, or what `load_machine` loads one from."""
+"""A machine, or the name or file from which `load_machine` loads one."""
 
 
 def load_machine(name_or_path: MachineSource) -> Machine:
@@ -236,9 +228,9 @@ def load_machine(name_or_path: MachineSource) -> Machine:
     Raises
     ------
     FileError
-        The file has faults; all of them are told, with their lines.
+        The file has faults: the message lists all of them, with their lines.
     MotionError
-        The name is unknown; the nearest and all known ones are told.
+        The name is unknown: the message names the nearest and all known ones.
     """
     if isinstance(name_or_path, Machine) or hasattr(
         name_or_path, "home_q"
@@ -258,5 +250,5 @@ def _read_bundled(name: str) -> Machine:
 
 
 def machine_names() -> tuple[str, ...]:
-    """Names of the bundled machines."""
+    """Return the names of the bundled machines."""
     return tuple(presets("kinematics"))

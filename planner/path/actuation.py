@@ -1,7 +1,7 @@
-"""Geometry in the actuators: q and its derivatives along a path, numerically and in guaranteed
-Taylor arithmetic.
+"""Paths in coordinates of the actuators: q and its derivatives, as numbers and as Taylor models.
 
-Of a pose's several coordinates a path starts at home's and stays on their branch, turn after turn.
+Where a pose has several coordinates, a path starts near those at home and follows them without a
+jump, through several turns.
 """
 
 from collections.abc import Callable, Collection, Hashable, Sequence
@@ -27,24 +27,26 @@ from planner.program.model import Program
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
 
-# Points of a piece that are looked at first, and at most: an axis turns by at most MAX_TURN_STEP
-# (rad) in between.
-FIRST_POINTS, MAX_POINTS, MAX_TURN_STEP = 65, 2**16 + 1, np.pi / 4
-# How far (rad) a part of a piece may turn an axis: from its middle to the next turn's coordinates
-# are π either way.
+# Points at which a piece is sampled: as many as an axis needs to turn by at most MAX_TURN_STEP
+# (rad) from one to the next.
+FIRST_POINTS = 65
+MAX_POINTS = 2**16 + 1
+MAX_TURN_STEP = np.pi / 4
+# Angle (rad) by which an axis may turn along a part of a piece: the coordinates of the next turn
+# are π away from those in the middle.
 MAX_PART_TURN = 1.5 * np.pi
 
 
 def split_turns(
     machine: Machine, pieces: Sequence[Piece], here: Array
 ) -> tuple[list[list[Piece]], list[Array]]:
-    """Every piece in as many parts as its axes' turns need, and the coordinates near which each
-    part's are meant.
+    """Cut pieces so that coordinates near one point identify the turns of axes along each part.
 
-    here: coordinates (n,) near which the path starts.
+    A pose does not say in which turn an axis is, or to which side an elbow points. Returns the
+    parts of each piece, and the coordinates (n,) to which those of each part are nearest. Pieces of
+    a machine without turns and elbows are not cut.
 
-    A pose alone does not tell turns or elbows. Where the machine has none, each piece is its only
-    part.
+    here  coordinates (n,) near which the path starts
     """
     if not machine.branched:
         return [[piece] for piece in pieces], [machine.home_q] * len(pieces)
@@ -53,17 +55,13 @@ def split_turns(
     near: list[Array] = []
     for piece in pieces:
         q = _follow_coordinates(machine, piece, here, rotary)
-        if not np.isfinite(q).all():  # out of reach: whoever looks at the limits says where
+        if not np.isfinite(q).all():  # out of reach: the proof of feasibility says where
             parts.append([piece])
             near.append(here)
             continue
         here = q[-1]
-        count, turning = 1, q[:, rotary]
-        while (
-            count < len(q) // 2
-            and max(np.ptp(c, axis=0).max(initial=0.0) for c in _split_equally(turning, count))
-            > MAX_PART_TURN
-        ):
+        count = 1
+        while count < len(q) // 2 and _find_turn(q[:, rotary], count) > MAX_PART_TURN:
             count *= 2
         parts.append(piece.cut(count))
         near += [(cell.min(0) + cell.max(0)) / 2 for cell in _split_equally(q, count)]
@@ -71,23 +69,26 @@ def split_turns(
 
 
 def _follow_coordinates(machine: Machine, piece: Piece, here: Array, rotary: np.ndarray) -> Array:
-    """Coordinates (M, n) along a piece, from those near `here`, without a jump."""
+    """Return coordinates (M, n) along a piece, without jumps, from those near `here` on."""
     points = FIRST_POINTS
     while True:
         x = _poses(piece, points)
         first = machine.inverse_map(machine.inputs(x[:1], here))
         q = machine.inverse_map(machine.inputs(x, first[0]))
         q[:, rotary] = np.unwrap(q[:, rotary], axis=0)
-        if (
-            points >= MAX_POINTS
-            or not np.abs(np.diff(q[:, rotary], axis=0)).max(initial=0.0) > MAX_TURN_STEP
-        ):
+        steps = np.abs(np.diff(q[:, rotary], axis=0))
+        if points >= MAX_POINTS or not steps.max(initial=0.0) > MAX_TURN_STEP:
             return q
         points = 2 * points - 1
 
 
+def _find_turn(q: Array, count: int) -> float:
+    """Return the largest turn (rad) of an axis along one of so many equal parts."""
+    return max(float(np.ptp(part, axis=0).max(initial=0.0)) for part in _split_equally(q, count))
+
+
 def _split_equally(q: Array, count: int) -> list[Array]:
-    """In equal parts, each with both its ends (there is a multiple of `count` steps)."""
+    """Return equal parts, each with both ends; the number of steps is a multiple of `count`."""
     step = (len(q) - 1) // count
     return [q[k * step : (k + 1) * step + 1] for k in range(count)]
 
@@ -96,15 +97,15 @@ def _poses(piece: Piece, points: int) -> Array:
     return piece.poses(piece.start + np.linspace(0.0, piece.length, points))
 
 
-# Points of each piece at which its pose is held against the machine's freedom.
+# Points of each piece at which its pose is compared with what the machine controls.
 FREEDOM_POINTS = 17
 
 Derivatives = tuple[Array, ...]
-"""q, q′, q″, q‴ with respect to path length, up to the highest that was asked for, each (N, n)."""
+"""q, q′, q″, q‴ by path length, up to the order that was asked for, each (N, n)."""
 
 
 HIGHEST_RATE = 3
-"""Of derivatives of a pose: what a limit on jerk needs."""
+"""Highest derivative of a pose: limits on jerk need it."""
 
 
 def check_rate(times: int) -> int:
@@ -119,10 +120,9 @@ def check_rate(times: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Points:
-    """N points of a path, s (N,) on pieces (N,), as the limits' rows see them: in the actuators and
-    in space.
+    """N points of a path at s (N,) on pieces (N,), for the rows of limits.
 
-    derivatives: q, q′, q″, and q‴ where jerk is limited
+    derivatives  q, q′, q″, and q‴ where jerk is limited
     """
 
     path: "ActuatorPath"
@@ -132,14 +132,14 @@ class Points:
 
     @property
     def pose_derivatives(self) -> Derivatives:
-        """The pose's numbers and their first two derivatives by path length, each (N, 12)."""
+        """Numbers of the pose and their first two derivatives by path length, each (N, 12)."""
         every = self.path.pose_derivatives(self.s, self.piece, 2)
         assert every is not None  # only machines have limits on their pose
         return every
 
     @property
     def tool_derivatives(self) -> Derivatives:
-        """The same of the tool: the platform's own where there is none."""
+        """Numbers of the tool and their derivatives: the platform's where there is no tool."""
         tool = self.path.tool
         if tool is None:
             return self.pose_derivatives
@@ -178,11 +178,11 @@ class ActuatorPath(Protocol):
     def names(self) -> tuple[str, ...]: ...
     @property
     def dwells(self) -> Array:
-        """(P+1,) seconds of rest at each break."""
+        """Rest (P+1,) in s at each break."""
 
     @property
     def turns(self) -> Array:
-        """(P,) rad by which each piece bends or turns in all: grids are as fine as that asks."""
+        """Angle (P,) in rad by which each piece bends or turns: grids are the finer for it."""
 
     @property
     def end_speeds(self) -> tuple[float, float]:
@@ -190,60 +190,54 @@ class ActuatorPath(Protocol):
 
     @property
     def end_accelerations(self) -> tuple[float, float]:
-        """s̈ with which a motion under jerk limits begins and ends: 0 but of one that goes on with,
-        or in, another.
+        """s̈ with which a motion under jerk limits begins and ends.
+
+        0, unless it continues another motion, or another continues it.
         """
 
     def constant(self, piece: int) -> float | None:
-        """ṡ that a motion must have on a piece, outside the ramps at the ends of its segment; None:
-        as it likes.
-        """
+        """Return the stated ṡ on a piece, which ramps at its segment's ends may lack; or None."""
 
     def stops(self, order: int) -> np.ndarray:
-        """(P+1,) bool: where a motion of this order (2: to acceleration, 3: to jerk) has to
-        rest.
+        """Return at which breaks (P+1,) a motion of an order has to rest.
+
+        Order 2 limits acceleration, order 3 jerk.
         """
 
     @property
     def content(self) -> Hashable:
-        """What decides its geometry: paths of equal content lead through the same places."""
+        """All that defines its geometry: paths of equal content lead through the same places."""
 
     @property
     def tool(self) -> Expression | None:
-        """The platform's twelve numbers, or their rates -> the tool's; None where they are the
-        same.
-        """
+        """Map from the platform's twelve numbers, or their rates, to the tool's; None: equal."""
 
     def segment(self, piece: int) -> int | None:
-        """Number of the program's segment that a piece belongs to, from 1; None without a
-        program.
-        """
+        """Return the number of a piece's segment, from 1; None without a program."""
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
-        """What to call path length s of a piece."""
+        """Return the name of a place."""
 
     def parameter(self, s: Array, piece: np.ndarray) -> Array:
-        """What people know a place by: s (N,) itself, unless the path was drawn anew for timing."""
+        """Return the parameter (N,) by which users know places: s, unless they chose another."""
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives: ...
     def axis_derivatives(
         self, axis: int, s: Array, piece: np.ndarray, highest: int = 3
     ) -> Derivatives:
-        """The same of one axis, each (N, 1), in a fraction of the time."""
+        """Return the derivatives of one axis, each (N, 1), in a fraction of the time."""
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array | None:
-        """(N, 12) numbers of the pose, None where there is no machine."""
+        """Return the numbers (N, 12) of the pose, or None without a machine."""
 
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives | None:
-        """The pose's numbers x, x′, x″, x‴ by path length, each (N, 12); None where there is no
-        machine.
-        """
+        """Return x, x′, x″, x‴ of the pose by path length, each (N, 12); None: no machine."""
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:
-        """q (order+1, N, n), as a series of whatever s (order+1, N) is one of."""
+        """Return q (order+1, N, n) as a series in the variable of the series s (order+1, N)."""
 
     def enclose_pose(self, s: Series, piece: np.ndarray) -> Series | None:
-        """The same of the pose's numbers (order+1, N, 12); None where there is no machine."""
+        """Return the pose's numbers (order+1, N, 12) as a series, or None without a machine."""
 
 
 def has_constant_speed(path: ActuatorPath) -> bool:
@@ -284,21 +278,21 @@ def _find_map(
     return made
 
 
+def _make_symbols(machine: Machine, shape: Shape) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return symbols of s, of a shape's parameters, and of near coordinates."""
+    s = ca.SX.sym("s")
+    return s, ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
+
+
 def _actuator_map(machine: Machine, shape: Shape, highest: int) -> Expression:
-    """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape,
-    differentiated.
-    """
-    s, parameters, near = (
-        ca.SX.sym("s"),
-        ca.SX.sym("parameters", shape.size),
-        ca.SX.sym("near", len(machine.axes)),
-    )
+    """Compose the inverse map with a shape: (s, parameters, near) -> q, q′, q″, q‴."""
+    s, parameters, near = _make_symbols(machine, shape)
     q = machine.symbolic(column(*shape.motion(s, parameters)), near)
     return differentiate(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near), highest)
 
 
 def _axis_map(machine: Machine, shape: Shape, highest: int, axis: int) -> Expression:
-    """The same of one axis."""
+    """Select one axis of an actuator map."""
     width = len(machine.axes)
     return _find_map(machine, _actuator_map, shape, highest).select_rows(
         range(axis, (highest + 1) * width, width)
@@ -306,12 +300,11 @@ def _axis_map(machine: Machine, shape: Shape, highest: int, axis: int) -> Expres
 
 
 def _pose_numbers_map(machine: Machine, shape: Shape, highest: int) -> Expression:
-    """The same -> the pose's numbers x, x′, x″, x‴, with what follows filled in."""
-    s, parameters, near = (
-        ca.SX.sym("s"),
-        ca.SX.sym("parameters", shape.size),
-        ca.SX.sym("near", len(machine.axes)),
-    )
+    """Return the map (s, parameters, near) -> the pose's numbers x, x′, x″, x‴.
+
+    Components of the pose that follow the others, as on a tripod, are filled in.
+    """
+    s, parameters, near = _make_symbols(machine, shape)
     position, rotation = shape.motion(s, parameters)
     if machine.follows:
         q = machine.symbolic(column(position, rotation), near)
@@ -321,15 +314,16 @@ def _pose_numbers_map(machine: Machine, shape: Shape, highest: int) -> Expressio
 
 
 def _position_map(machine: Machine, shape: Shape) -> Expression:
-    """The same -> position x and x′, without the work for the rotation."""
+    """Select the position and its first derivative, without the work for the rotation."""
     return _find_map(machine, _pose_numbers_map, shape, 1).select_rows([0, 1, 2, 12, 13, 14])
 
 
 class MachinePath:
-    """A path in space as the machine's actuators see it."""
+    """A path in space, in the coordinates of a machine's actuators."""
 
     def __repr__(self) -> str:
-        return f"<MachinePath on {self.machine.name}: {1e3 * self.breaks[-1]:.6g} mm, pieces: {len(self.pieces)}>"
+        length = f"{1e3 * self.breaks[-1]:.6g} mm"
+        return f"<MachinePath on {self.machine.name}: {length}, pieces: {len(self.pieces)}>"
 
     def __init__(
         self,
@@ -348,39 +342,43 @@ class MachinePath:
         origin: tuple[float, float] = (0.0, 0.0),
         avoidable: Collection[int] = (),
     ) -> None:
-        """At the pieces' ends, breaks[ends]: dwells (P+1,) s, and stops (P+1,), the order of motion
-        that rests there.
+        """Place P pieces one after the other.
 
-        0: it never needs to, 1: it always does; the first and the last end are stops.
-        blends, fits  what became of the joins that ask for one, and of chains whose joins ask for
-                      curves
-        overshoots  how far splines leave their polygons
-        tool        its frame in the platform's, whose path length the pieces have; None: the
-                    platform's own
-        end_speeds  ṡ with which a motion begins and ends; end_accelerations: s̈ likewise
-        near        (n,) coordinates near which it starts; None: near home's
-        origin      path length and time (s) at which it begins, where it is a part of another:
+        stops       (P+1,) order from which on a motion rests at an end of pieces: 0 never, 1
+                    always, as at the first and the last end
+        dwells      (P+1,) s, rest at each end
+        blends      outcomes of the joins that ask for a blend
+        fits        outcomes of the chains of segments that ask for curves
+        overshoots  distances of splines from their polygons
+        tool        frame of the tool in the platform's; None: the platform's. Pieces that are
+                    drawn by their length have that of the tool
+        end_speeds, end_accelerations  ṡ and s̈ with which a motion begins and ends
+        near        (n,) coordinates near which it starts; None: those at home
+        origin      path length and time (s) at which it begins as a part of another path: names of
                     places count from there
         avoidable   numbers, from 1, of the given pieces that end in an avoidable stop
         """
-        self.end_speeds, self.end_accelerations, self.origin = end_speeds, end_accelerations, origin
+        self.end_speeds = end_speeds
+        self.end_accelerations = end_accelerations
+        self.origin = origin
         self.tool = None if tool is None else tool_map(tool)
         self._enclosed: tuple[Series, np.ndarray, Series] | None = None
-        parts, meant = split_turns(machine, pieces, machine.home_q if near is None else near)
-        self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
-        self.blends, self.fit = tuple(blends), summarise_fits(fits, blends)
+        parts, nearest = split_turns(machine, pieces, machine.home_q if near is None else near)
+        self.machine = machine
+        self.pieces = tuple(part for each in parts for part in each)
+        self.blends = tuple(blends)
+        self.fit = summarise_fits(fits, blends)
         self.overshoots = tuple(overshoots)
         self.breaks: Array = freeze_array(
             np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])])
         )
         self.ends = ends = np.concatenate([[0], np.cumsum([len(each) for each in parts])])
-        self._stops, self.dwells = (
-            freeze_array(_pad_part_ends(ends, stops)),
-            freeze_array(_pad_part_ends(ends, dwells)),
-        )
+        self._stops = freeze_array(_pad_part_ends(ends, stops))
+        self.dwells = freeze_array(_pad_part_ends(ends, dwells))
         self.names = tuple(axis.name for axis in machine.axes)
         self.turns: Array = freeze_array([piece.turn for piece in self.pieces])
-        self._near, self._start = np.array(meant), np.array([piece.start for piece in self.pieces])
+        self._near = np.array(nearest)
+        self._start = np.array([piece.start for piece in self.pieces])
         self._shapes = list({piece.shape: None for piece in pieces})
         self._shape_of = np.array([self._shapes.index(piece.shape) for piece in self.pieces])
         self._inputs = [self._tabulate_inputs(shape) for shape in self._shapes]
@@ -388,15 +386,16 @@ class MachinePath:
         self._refuse()
 
     def _tabulate_inputs(self, shape: Shape) -> Array:
-        """Return what the maps of a shape take, piece by piece: room for s, parameters, near; 0 for
-        other shapes.
+        """Return the inputs (P, k) of a shape's maps: 0 for s, its parameters, and near.
+
+        Pieces of other shapes have parameters of 0.
         """
         other = np.zeros(shape.size)
         parameters = [piece.parameters if piece.shape == shape else other for piece in self.pieces]
         return np.column_stack([np.zeros(len(parameters)), parameters, self._near])
 
     def _refuse(self) -> None:
-        """Raise OutOfReach for a path that needs what the machine holds."""
+        """Raise NotFree for a path that moves what the machine does not control."""
         piece = np.repeat(np.arange(len(self.pieces)), FREEDOM_POINTS)
         s = (
             self.breaks[:-1, None]
@@ -419,9 +418,7 @@ class MachinePath:
         return maps, tuple(self._shapes), tuple(each.tobytes() for each in numbers)
 
     def describe_pieces(self, first: int, last: int) -> Hashable:
-        """Return all that decides the geometry and caps of pieces first … last, except where on the
-        path they are.
-        """
+        """Return all that defines geometry and caps of pieces first … last, but no places."""
         pieces = tuple(piece.content for piece in self.pieces[first : last + 1])
         return (
             pieces,
@@ -434,35 +431,32 @@ class MachinePath:
 
     @property
     def joins(self) -> np.ndarray:
-        """(P+1,) the order of motion from which it rests at each break; 0: it never needs to, 1: it
-        always does.
-        """
+        """Order (P+1,) from which on a motion rests at each break: 0 never, 1 always."""
         return self._stops
 
     def stops(self, order: int) -> np.ndarray:
         return np.asarray((self._stops > 0) & (self._stops <= order))
 
     def avoidable_stops(self, order: int) -> np.ndarray:
-        """(P+1,) bool: where a motion of this order rests without a stated reason.
+        """Return at which breaks (P+1,) a motion of an order rests without a stated reason.
 
-        Neither a dwell, nor a join that says so, nor a trigger at a stop, nor a reversal of the
-        path asks for it.
+        Reasons are a dwell, a stated stop, a trigger at a stop, and a reversal of the path.
         """
-        unasked = np.zeros(len(self._stops), bool)
-        unasked[self.ends[sorted(self._avoidable)]] = True
-        return np.asarray(self.stops(order) & unasked)
+        avoidable = np.zeros(len(self._stops), bool)
+        avoidable[self.ends[sorted(self._avoidable)]] = True
+        return np.asarray(self.stops(order) & avoidable)
 
     def segment(self, piece: int) -> int:
         return self.pieces[piece].segment
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
-        own, (way, begin) = self.pieces[piece], self.origin
+        length, time = self.origin
         return Place(
-            float(way + s),
-            own.segment,
-            None if t is None else float(begin + t),
+            float(length + s),
+            self.pieces[piece].segment,
+            None if t is None else float(time + t),
             axis,
-            own.repetition,
+            self.pieces[piece].repetition,
         )
 
     def parameter(self, s: Array, piece: np.ndarray) -> Array:
@@ -479,17 +473,17 @@ class MachinePath:
         return _split_columns(every, highest + 1)
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:
-        drawn = self._evaluate(pose_map, s, piece)
+        x = self._evaluate(pose_map, s, piece)
         if not self.machine.follows:
-            return drawn
-        return self.machine.carried_map(self.machine.inputs(drawn, self._near[piece]))
+            return x
+        return self.machine.carried_map(self.machine.inputs(x, self._near[piece]))
 
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         every = self._evaluate(self._maps(_pose_numbers_map, highest), s, piece)
         return _split_columns(every, highest + 1)
 
     def position_derivatives(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
-        """The platform's origin and its first derivative by path length, each (N, 3)."""
+        """Return the platform's origin and its derivative by path length, each (N, 3)."""
         both = self._evaluate(self._maps(_position_map), s, piece)
         return both[:, :3], both[:, 3:]
 
@@ -502,7 +496,7 @@ class MachinePath:
     def _evaluate(
         self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray
     ) -> Array:
-        """Evaluate maps of shapes, of s and parameters, and of near if they take it."""
+        """Evaluate a map of each shape at the places on pieces of this shape."""
         local = s - self.breaks[piece] + self._start[piece]
         out = np.empty((len(s), expression(self._shapes[0]).size[1]))
         for k, shape in enumerate(self._shapes):
@@ -518,23 +512,23 @@ class MachinePath:
 
     def enclose_pose(self, s: Series, piece: np.ndarray) -> Series:
         inputs = self.enclose_inputs(s, piece)
-        return (
-            self.machine.carried_map.enclose_columns(inputs)
-            if self.machine.follows
-            else inputs[:, :12]
-        )
+        if not self.machine.follows:
+            return inputs[:, :12]
+        return self.machine.carried_map.enclose_columns(inputs)
 
     def jacobian(self, s: Series, piece: np.ndarray) -> Series:
-        """The square Jacobian (order+1, N, n · n), row by row; columns of rotation by the
-        characteristic length.
+        """Return the square Jacobian (order+1, N, n · n), row by row.
+
+        Columns of rotation are divided by the characteristic length.
         """
         entries = self.machine.controlled_map.enclose_columns(self.enclose_inputs(s, piece))
         scale = np.where(columns(self.machine) < 3, 1.0, 1 / self.machine.characteristic_length)
         return entries * np.tile(scale, len(self.names))
 
     def enclose_inputs(self, s: Series, piece: np.ndarray) -> Series:
-        """What the machine's maps take along the path (`inputs`): (order+1, N, k); the last is
-        kept.
+        """Return the inputs of the machine's maps along the path: (order+1, N, k).
+
+        Several maps take the same inputs, so the last ones are retained.
         """
         if (
             self._enclosed is not None
@@ -571,33 +565,33 @@ def _split_columns(values: Array, parts: int) -> Derivatives:
 
 
 def _pad_part_ends(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values at the ends of whole pieces, and nothing at the ends between their parts."""
+    """Return values at the ends of whole pieces, and 0 at the ends between their parts."""
     out = np.zeros(ends[-1] + 1, values.dtype)
     out[ends] = values
     return out
 
 
 def actuate(program: Program, machine: Machine) -> MachinePath:
-    """The program's path in the machine's actuators.
+    """Return the path of a program in the coordinates of a machine's actuators.
 
-    Raises MotionError naming the segment that cannot be drawn.
+    Raises MotionError with the segment that cannot be drawn.
     """
-    own = chain_pieces(program, machine)
+    chain = chain_pieces(program, machine)
     path = MachinePath(
         machine,
-        own.pieces,
-        own.stops,
-        own.dwells,
-        own.blends,
-        own.fits,
-        own.overshoots,
+        chain.pieces,
+        chain.stops,
+        chain.dwells,
+        chain.blends,
+        chain.fits,
+        chain.overshoots,
         tool=program.tool,
-        avoidable=own.avoidable,
+        avoidable=chain.avoidable,
     )
     stated = np.array([program.start_speed, program.end_speed])
-    if stated.any():  # of the tool, whose way is not everywhere the path's parameter
+    if stated.any():  # speeds of the tool, whose path length may differ from s
         ends = make_points(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]), 2)
-        way = np.linalg.norm(ends.tool_derivatives[1][:, :3], axis=1)
-        first, last = stated / np.where(stated > 0, way, 1.0)
+        slope = np.linalg.norm(ends.tool_derivatives[1][:, :3], axis=1)
+        first, last = stated / np.where(stated > 0, slope, 1.0)
         path.end_speeds = float(first), float(last)
     return path
