@@ -35,11 +35,16 @@ def kernel():
         run_sync(manager.shutdown_kernel)(now=True)
 
 
+@pytest.fixture(scope="module")
+def slower():
+    return slowness()
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_it_runs_and_is_as_it_should_be(path, kernel):
+def test_it_runs_and_is_as_it_should_be(path, kernel, slower):
     """One test for each, since running it takes the time."""
     try:
-        notebook = executed(path, slower=slowness(), first=FRESH, last=CPU, kernel=kernel)
+        notebook = executed(path, slower=slower, first=FRESH, last=CPU, kernel=kernel)
     except CellExecutionError as failed:
         if (
             failed.ename == "NotInstalled"
@@ -72,7 +77,7 @@ def runs_quickly_without_warnings(notebook, begun):
     assert not [output.text for output in outputs if output.get("name") == "stderr"]
     assert sum("image/png" in output.get("data", {}) for output in outputs) >= 2
     took = float(notebook.cells[-1].outputs[0].text) - begun
-    assert took <= MOST * slowness()
+    assert took <= MOST or took <= MOST * slowness()
 
 
 def asks_answers_and_goes_on(notebook):
