@@ -4,6 +4,7 @@ from base64 import b64encode
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from io import BytesIO
 from math import ceil, floor, inf
@@ -17,6 +18,7 @@ from kinematics.files.plain_text import plain
 from kinematics.foundation.names import count_noun
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -102,6 +104,22 @@ def _render_png(figure: "Figure") -> bytes:
 
 def render(template: str, figures: Mapping[str, Picture], **values: object) -> str:
     """Return the page of a template, with its figures. Names in it are escaped."""
+    drawn = {name: b64encode(drawing.png).decode("ascii") for name, drawing in figures.items()}
+    series = pack_panels({name: drawing.panels for name, drawing in figures.items()})
+    return (
+        _open_templates()
+        .get_template(template)
+        .render(
+            figures=drawn,
+            series=series,
+            **{name: _escape_data(value) for name, value in values.items()},
+        )
+    )
+
+
+@cache
+def _open_templates() -> "Environment":
+    """Return the templates of pages. Each is compiled at its first use in a process."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -116,13 +134,7 @@ def render(template: str, figures: Mapping[str, Picture], **values: object) -> s
     pages.globals["read_file"] = lambda name: Markup(
         _read_template_file(name)
     )  # ours, as it stands
-    drawn = {name: b64encode(drawing.png).decode("ascii") for name, drawing in figures.items()}
-    series = pack_panels({name: drawing.panels for name, drawing in figures.items()})
-    return pages.get_template(template).render(
-        figures=drawn,
-        series=series,
-        **{name: _escape_data(value) for name, value in values.items()},
-    )
+    return pages
 
 
 def _read_template_file(name: str) -> str:

@@ -5,14 +5,14 @@ below the other; cases and matrices it cannot draw, and says so as a warning.
 """
 
 import re
+from functools import cache
 from html import escape
 from typing import Any
 
 from docutils import nodes
 from matplotlib import rc_context
 from matplotlib.font_manager import FontProperties
-from matplotlib.mathtext import MathTextParser
-from matplotlib.textpath import TextPath
+from matplotlib.textpath import TextPath, text_to_path
 from sphinx.application import Sphinx
 from sphinx.util import logging
 from sphinx.util.math import get_node_equation_number
@@ -37,6 +37,7 @@ WORDS = dict.fromkeys(["limits", "nolimits", "bigl", "bigr", "Bigl", "Bigr", "bi
 WORD = re.compile(r"\\([A-Za-z]+)")
 
 
+@cache
 def drawn(tex: str, size: float = 1.0) -> str:
     """One formula as an svg element, its base line on that of the text; ValueError where mathtext cannot read it."""
     primed = (
@@ -45,7 +46,9 @@ def drawn(tex: str, size: float = 1.0) -> str:
     source = "$" + WORD.sub(lambda word: WORDS.get(word[1], word[0]), primed) + "$"
     with rc_context({"mathtext.fontset": "stix"}):
         font = FontProperties(size=EM)
-        width, height, depth, _, _ = MathTextParser("path").parse(source, 72, font)
+        # the parser that draws the path as well, which keeps what it has parsed last
+        parser = text_to_path.mathtext_parser
+        width, height, depth, _, _ = parser.parse(source, text_to_path.DPI, font)
         path = TextPath((0, 0), source, prop=font)
     marks = []
     for points, code in path.iter_segments(curves=True, simplify=False):

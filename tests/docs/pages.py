@@ -18,6 +18,7 @@ import doctest
 import io
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -114,7 +115,7 @@ def console(where: str, text: str, background: contextlib.ExitStack) -> None:
             )
             background.callback(process.terminate)
             continue
-        code, printed, complained = pulsepath(words) if words[0] == "pulsepath" else other(words)
+        code, printed, complained = call(words)
         assert code == (int(told[1]) if told else 0), (
             f"{where}: {command}\nended with {code}\n{printed}{complained}"
         )
@@ -122,11 +123,38 @@ def console(where: str, text: str, background: contextlib.ExitStack) -> None:
             agree(f"{where}: {command}", shown, printed + complained if code else printed)
 
 
+def call(words: list[str]) -> tuple[int, str, str]:
+    """Exit code and what is printed by a command; without a process of its own, if it is Python."""
+    if words[0] == "pulsepath":
+        return pulsepath(words)
+    is_script = words[0] == "python" and words[1].endswith(".py")
+    return script(words[1:]) if is_script else other(words)
+
+
 def pulsepath(words: list[str]) -> tuple[int, str, str]:
     from pulsepath.cli import main
 
     done = CliRunner().invoke(main, words[1:], prog_name="pulsepath")
     return done.exit_code, done.stdout, PROGRESS.sub("", done.stderr)
+
+
+def script(words: list[str]) -> tuple[int, str, str]:
+    """Run a file of Python as `python FILE ...` does, but for a process: starting one takes a
+    second.
+    """
+    printed, complained, code = io.StringIO(), io.StringIO(), 0
+    before = sys.argv
+    sys.argv = words
+    try:
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(complained):
+            runpy.run_path(words[0], run_name="__main__")
+    except SystemExit as ended:
+        if isinstance(ended.code, str):
+            complained.write(f"{ended.code}\n")
+        code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+    finally:
+        sys.argv = before
+    return code, printed.getvalue(), complained.getvalue()
 
 
 def other(words: list[str]) -> tuple[int, str, str]:

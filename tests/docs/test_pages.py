@@ -2,17 +2,19 @@
 
 import sys
 
+import numpy as np
 import pytest
 
 from controllers.laws.registry import LAWS
 from kinematics.machine.machine_file import KINDS
 from planner.export.format import FORMATS
-from planner.interruption.hold import find_stops
+from planner.interruption.instant import find_longest
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
 from planner.pulses import RULES
 from planner.sources.source import SOURCES
 from tests.docs.pages import DOCS, agree, fences, run
 from tests.drawing import draw_dots
+from tests.stops import shared_stops
 
 PAGES = [
     *(DOCS / name for name in ("tutorial.md", "conventions.md", "help.md", "api/card.md")),
@@ -40,12 +42,16 @@ def scratch(tmp_path, monkeypatch):
 
 @pytest.fixture
 def few_stops(monkeypatch):
-    """Search the stops of one interval of time, whatever a page asks for: each takes a second."""
+    """Search one stop and the rest at the end for a table of stops, whatever a page asks for, and
+    each stop once: each takes 2 s.
+    """
 
-    def find_few(whole, count, *more):
-        return find_stops(whole, 1, *more)
+    def find_few(motion, axes, edges):
+        return np.append(find_longest(motion, axes, edges)[:1], motion.duration)
 
-    monkeypatch.setattr("planner.interruption.hold.find_stops", find_few)
+    monkeypatch.setattr("planner.interruption.hold.find_longest", find_few)
+    with shared_stops():
+        yield
 
 
 @pytest.mark.usefixtures("few_stops")

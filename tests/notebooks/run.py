@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from jupyter_client.manager import AsyncKernelManager
     from nbformat import NotebookNode
 
 ROOT = Path(__file__).parents[2]
@@ -16,21 +17,32 @@ LONGEST = 60.0
 """s that a cell may take before it is given up."""
 
 
-def executed(path: Path, *, slower: float = 1.0, last: str = "") -> "NotebookNode":
+def executed(
+    path: Path,
+    *,
+    slower: float = 1.0,
+    first: str = "",
+    last: str = "",
+    kernel: "AsyncKernelManager | None" = None,
+) -> "NotebookNode":
     """A notebook after all its cells have run in a kernel of this Python, from the top of this
     source tree.
 
-    last: one more cell, behind its own. Raises CellExecutionError where a cell raises.
+    first, last: one more cell each, before and behind its own. kernel: one that goes on running
+    afterwards; without it, one of its own. Raises CellExecutionError where a cell raises.
     """
     import jupytext
     from nbclient import NotebookClient
     from nbformat.v4 import new_code_cell
 
     notebook = jupytext.read(path)
+    if first:
+        notebook.cells.insert(0, new_code_cell(first))
     if last:
         notebook.cells.append(new_code_cell(last))
     client = NotebookClient(
         notebook,
+        km=kernel,
         timeout=ceil(LONGEST * slower),
         kernel_name="python3",
         resources={"metadata": {"path": str(ROOT)}},

@@ -87,6 +87,16 @@ def three_legs():
     plan has them.
     """
     motion = example(3)
+    return count_three_legs(motion)
+
+
+@pytest.fixture(scope="session")
+def three_short_legs():
+    """The same in a tenth of the way and of the time."""
+    return count_three_legs(example(3, 0.1))
+
+
+def count_three_legs(motion):
     home = motion.at(np.zeros(1)).q[0]
     axes = [Axis(f"leg{k}", pulse=PULSE, direction=1 - 2 * (k % 2)) for k in range(3)]
     machine = SimpleNamespace(axes=axes, home_q=home)

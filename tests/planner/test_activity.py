@@ -127,7 +127,7 @@ def test_of_many_segments_those_that_tell_most_stay():
         line_to(5e-3 * np.cos(9e2 * s), 5e-3 * np.sin(9e2 * s), speed=rng.uniform(2e-3, 2e-2))
         for s in ends.tolist()
     ]
-    program, machine = program_of(*segments), load_machine("hexapod")
+    program, machine = program_of(*segments), load_machine("cartesian")
     held, standing = Activity(program), None
     sizes = []
     for part in plan_parts(program, machine, order=2, pieces=24):

@@ -30,6 +30,19 @@ def undrawn():
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def few_pulses_compared():
+    """Commands compare the path that pulses make with the planned one at every so-manieth pulse, of
+    which there are few here.
+
+    It takes a third of a plan by a command, and what comes of more has tests of its own, in
+    tests/planner/pulses.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pulsepath.job.REALISED_SAMPLES", 500)
+        yield
+
+
 @pytest.fixture
 def drawn():
     """Figures of reports as users have them."""

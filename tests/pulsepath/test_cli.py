@@ -389,7 +389,8 @@ def test_a_check_sums_up_violations(call, program):
     assert every == [violation["message"] for violation in violations]
 
 
-def test_tilt_violations_name_the_joint(call, program, tilting):
+def test_tilt_violations_name_the_joint(call, program, tilting, limit_search):
+    limit_search(0.0)
     path = program(
         "[[segment]]\nline = { to = [0, 0, 25] }\n[[segment]]\nturn = { to = [6, -7, 0] }\n"
     )

@@ -55,9 +55,9 @@ from planner.timing.order3.line_search import (
     Filter,
     Ray,
     limit_step,
+    measure,
     search,
     step_multipliers,
-    try_step,
 )
 from planner.timing.order3.pose import OBJECTIVE_SCALE, PosedStages
 from planner.timing.order3.riccati import Direction, NewtonSystem, Recursion, solve_newton
@@ -273,7 +273,7 @@ class _Method:
     def _restart(self) -> None:
         """Evaluate the residuals, and empty the filter, after a change of constraints."""
         self.direction.s[:] = 0.0
-        self.merit = try_step(self.program, self.point, self.direction, 0.0, self.trial)
+        self.merit = measure(self.program, self.point, self.direction, self.trial)
         self.point, self.trial = self.trial, self.point
         self.filter.widen(self.merit.theta)
         self.flat_steps = 0

@@ -45,6 +45,8 @@ ROUNDING = 1e-13
 KAPPA_SIGMA = 1e10
 # Product of slacks at which its logarithm is taken, before it underflows.
 UNDERFLOW = 1e-200
+# Outcomes of a line search: no step is acceptable; one is; one is, and the filter is augmented.
+FAILED, ACCEPTED, AUGMENTS = range(3)
 
 
 class Merit(NamedTuple):
@@ -97,11 +99,32 @@ class Filter:
         self.theta_min = max(self.theta_min, THETA_MIN * max(1.0, theta))
         self.theta_max = max(self.theta_max, THETA_MAX * max(1.0, theta))
 
-    def accepts(self, theta: float, phi: float) -> bool:
-        """Return whether neither θ_max nor an entry excludes a trial point."""
-        if not theta < self.theta_max:
-            return False
-        return all(theta < (1 - GAMMA) * t or phi < p - GAMMA * t for t, p in self.entries)
+
+class Judge(NamedTuple):
+    """What a trial point is compared with: θ, φ and the slope at the point, and the filter.
+
+    entries (N, 2)   pairs (θ, φ) of the filter
+    """
+
+    theta: float
+    phi: float
+    slope: float
+    mu: float
+    is_flat: bool
+    theta_min: float
+    theta_max: float
+    entries: Floats2
+
+
+class Taken(NamedTuple):
+    """A step length with the merit of its trial point, and why it is taken."""
+
+    alpha: float
+    theta: float
+    objective: float
+    logarithms: float
+    time: float
+    outcome: int
 
 
 def search(ray: Ray, filter: Filter, trial: Iterate) -> tuple[float, Merit]:
@@ -111,29 +134,77 @@ def search(ray: Ray, filter: Filter, trial: Iterate) -> tuple[float, Merit]:
     """
     theta = ray.merit.theta
     phi = ray.merit.phi(ray.mu)
-    slope = min(ray.limits.slope, 0.0)
-    alpha = ray.limits.alpha  # A-5.1
-    for _ in range(MAX_HALVINGS):
-        merit = try_step(ray.program, ray.point, ray.direction, alpha, trial)  # A-5.2
-        new_theta = merit.theta
-        new_phi = merit.phi(ray.mu)
-        if filter.accepts(new_theta, new_phi):  # A-5.3
-            if ray.is_flat:
-                if new_theta <= max(theta, ROUNDING_THETA):
-                    return alpha, merit
-            elif theta <= filter.theta_min and alpha * (-slope) ** S_PHI > theta**S_THETA:
-                # A-5.4, case I: φ decreases by the Armijo condition
-                if new_phi <= phi + ETA * alpha * slope + ROUNDING * abs(phi):
-                    return alpha, merit
-            elif new_theta <= (1 - GAMMA) * theta or new_phi <= phi - GAMMA * theta:
-                # A-5.4, case II: θ or φ decreases, and the filter is augmented (A-7)
-                filter.entries.append((theta, phi))
-                return alpha, merit
-        alpha /= 2  # A-5.10
-    # instead of the restoration phase (A-9): the shortest step that was tried is taken, from which
-    # others may succeed
-    filter.entries.clear()
-    return 2 * alpha, merit
+    judge = Judge(
+        theta=theta,
+        phi=phi,
+        slope=min(ray.limits.slope, 0.0),
+        mu=ray.mu,
+        is_flat=ray.is_flat,
+        theta_min=filter.theta_min,
+        theta_max=filter.theta_max,
+        entries=np.array(filter.entries).reshape(-1, 2),
+    )
+    taken = try_steps(ray.program, ray.point, ray.direction, ray.limits.alpha, judge, trial)
+    if taken.outcome == AUGMENTS:  # A-7
+        filter.entries.append((theta, phi))
+    elif taken.outcome == FAILED:
+        # instead of the restoration phase (A-9): the shortest step that was tried is taken, from
+        # which others may succeed
+        filter.entries.clear()
+    return taken.alpha, Merit(taken.theta, taken.objective, taken.logarithms, taken.time)
+
+
+def measure(program: Program, point: Iterate, direction: Direction, trial: Iterate) -> Merit:
+    """Fill x, s and the residuals of `trial` with those of the point; return its merit."""
+    anything = Judge(np.inf, 0.0, 0.0, 0.0, True, 0.0, np.inf, np.empty((0, 2)))
+    taken = try_steps(program, point, direction, 0.0, anything, trial)
+    return Merit(taken.theta, taken.objective, taken.logarithms, taken.time)
+
+
+@kernel
+def try_steps(
+    program: Program,
+    point: Iterate,
+    direction: Direction,
+    alpha: float,
+    judge: Judge,
+    trial: Iterate,
+) -> Taken:
+    """Halve the step length alpha until the step is acceptable (steps A-5.1 to A-5.10)."""
+    outcome = FAILED
+    merit = try_step(program, point, direction, alpha, trial)  # A-5.2
+    for tried in range(MAX_HALVINGS):
+        if tried:
+            alpha /= 2  # A-5.10
+            merit = try_step(program, point, direction, alpha, trial)
+        outcome = judge_step(
+            judge, alpha, merit.theta, merit.objective - judge.mu * merit.logarithms
+        )
+        if outcome != FAILED:
+            break
+    return Taken(alpha, merit.theta, merit.objective, merit.logarithms, merit.time, outcome)
+
+
+@kernel
+def judge_step(judge: Judge, alpha: float, theta: float, phi: float) -> int:
+    """Return whether a trial point with θ and φ is acceptable, and if so, by which case."""
+    before = judge.theta
+    entries = judge.entries
+    if not theta < judge.theta_max:  # A-5.3
+        return FAILED
+    for i in range(len(entries)):
+        if not (theta < (1 - GAMMA) * entries[i, 0] or phi < entries[i, 1] - GAMMA * entries[i, 0]):
+            return FAILED
+    if judge.is_flat:
+        return ACCEPTED if theta <= max(before, ROUNDING_THETA) else FAILED
+    if before <= judge.theta_min and alpha * (-judge.slope) ** S_PHI > before**S_THETA:
+        # A-5.4, case I: φ decreases by the Armijo condition
+        least = judge.phi + ETA * alpha * judge.slope + ROUNDING * abs(judge.phi)
+        return ACCEPTED if phi <= least else FAILED
+    if theta <= (1 - GAMMA) * before or phi <= judge.phi - GAMMA * before:
+        # A-5.4, case II: θ or φ decreases, and the filter is augmented (A-7)
+        return AUGMENTS
+    return FAILED
 
 
 @kernel

@@ -33,8 +33,9 @@ def test_a_bare_circle_without_figures_takes_little_of_a_processor():
     bare, _ = PLANS
     for _ in range(3):
         run = run_command(bare)
-        if run.processor < ENOUGH * slowness():
+        if run.processor < ENOUGH or run.processor < ENOUGH * slowness():
             break
-    assert run.processor < ENOUGH * slowness()
+    else:
+        pytest.fail(f"{run.processor:.2f} s of CPU")
     # nobody asked for it
     assert "tracking" not in run.result.stdout + run.result.stderr

@@ -25,14 +25,20 @@ def machine():
     return load_machine("hexapod")
 
 
+@pytest.fixture(scope="module")
+def inside(machine):
+    """500 poses within the limits, drawn once: fewer of them are the first of these."""
+    return sample_within_limits(machine, 500)
+
+
 def turned(machine, degrees):
     return machine.home * RigidTransform.from_rotation(
         Rotation.from_rotvec([[0, 0, np.deg2rad(degrees)]])
     )
 
 
-def test_inside_the_limits_nearly_all_is_certified_and_nothing_in_another_mode(machine):
-    trial = try_forward(machine, sample_within_limits(machine, 100))
+def test_inside_the_limits_nearly_all_is_certified_and_nothing_in_another_mode(machine, inside):
+    trial = try_forward(machine, inside[:100])
     assert trial["certified"] >= 0.95 * trial["poses"]
     assert trial["wrong"] == trial["elsewhere"] == 0
 
@@ -44,8 +50,8 @@ def test_anywhere_nothing_certified_is_wrong_and_every_other_pose_is_explained(m
     assert trial["beyond"] > 0  # a trial worth its name
 
 
-def test_poses_inside_are_inside_and_not_cut_off_by_the_box(machine):
-    poses = sample_within_limits(machine, 500)
+def test_poses_inside_are_inside_and_not_cut_off_by_the_box(machine, inside):
+    poses = inside
     low, high = np.array([axis.travel for axis in machine.axes]).T
     stroke = machine.inverse(poses) - machine.home_q
     assert (stroke >= low).all()
@@ -58,9 +64,9 @@ def test_poses_inside_are_inside_and_not_cut_off_by_the_box(machine):
     assert (np.abs(poses.rotation.as_rotvec()).max(0) < 0.95 * MAX_TURN).all()
 
 
-def test_the_referee_knows_lengths_and_jacobian(machine):
+def test_the_referee_knows_lengths_and_jacobian(machine, inside):
     """Of its own formula; the machine's come from its expression."""
-    poses = sample_within_limits(machine, 50)
+    poses = inside[:50]
     length, jacobian = leg_jacobian(machine, poses)
     assert length == pytest.approx(machine.inverse(poses), rel=1e-14)
     assert jacobian == pytest.approx(machine.jacobian(poses), rel=0, abs=1e-14)
@@ -83,8 +89,8 @@ def test_a_machine_led_through_a_singularity_need_not_arrive(machine, degrees, a
     ).all() == arrives
 
 
-def test_without_a_certificate_the_pose_is_the_same_and_nothing_is_certified(machine):
-    q = machine.inverse(sample_within_limits(machine, 20))
+def test_without_a_certificate_the_pose_is_the_same_and_nothing_is_certified(machine, inside):
+    q = machine.inverse(inside[:20])
     plain, proved = machine.forward(q, certify=False), machine.forward(q)
     assert np.array_equal(plain.pose.as_matrix(), proved.pose.as_matrix())
     assert np.array_equal(plain.residual, proved.residual)

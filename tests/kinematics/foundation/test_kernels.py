@@ -299,16 +299,15 @@ def test_a_change_of_a_callee_in_another_file_is_seen(tiny, tmp_path):
     head = "from kinematics.foundation.kernels import Floats1, kernel\nfrom base import scale\n\n"
     (tmp_path / "tiny.py").write_text(f"{head}@kernel\ndef scale_twice{caller}")
     results = []
-    for text in (base, base.replace("total = 0.0", "total = 1.0"), base):
+    changed = base.replace("total = 0.0", "total = 1.0")
+    for text, runs in ((base, 1), (changed, 2), (base, 1)):
         (tmp_path / "base.py").write_text(text)
-        results += [tiny().stdout for _ in range(2)]
+        results += [tiny().stdout for _ in range(runs)]
     old, new = "6.0 3.0 3.0", "7.0 3.0 3.0"
     assert results == [
         f"{old} 0\n",
-        f"{old} 1\n",
         f"{new} 0\n",
         f"{new} 1\n",
-        f"{old} 1\n",
         f"{old} 1\n",
     ]
 
@@ -390,42 +389,36 @@ def test_processes_that_store_at_once_agree(tiny, tmp_path):
         "import subprocess\n"
         + """
 runs = [subprocess.Popen([sys.executable, '-c', 'import numpy as np, tiny; print(tiny.scale_twice(np.ones(2)))'],
-        stdout=subprocess.PIPE, text=True) for _ in range(3)]
+        stdout=subprocess.PIPE, text=True) for _ in range(2)]
 print([run.communicate()[0] for run in runs])
 """
     )
-    assert tiny(code).stdout == "['6.0\\n', '6.0\\n', '6.0\\n']\n"
+    assert tiny(code).stdout == "['6.0\\n', '6.0\\n']\n"
     assert len(stored(tmp_path, ".nbc")) == 1
     assert tiny().stdout == "6.0 3.0 3.0 1\n"
 
 
-def test_arrays_of_another_type_are_copied_and_written_back(tiny):
+def test_arrays_of_another_type_are_copied_and_written_back_or_refused(tiny):
     code = """
 import tiny
 wide, whole, fixed = np.ones((2, 2)), np.ones(2, int), np.ones(2)
 fixed.flags.writeable = False
 print(tiny.scale(wide[:, 0], 3), *wide.ravel(), tiny.scale(whole, 2.0), *whole, tiny.scale(fixed, 2.0), *fixed)
 print(len(tiny.scale.compiled.signatures))
-try:
-    tiny.scale(wide, 2.0)
-except TypeError as error:
-    print(error)
+for refused in (wide, np.ones(2, complex), [1.0, 2.0]):
+    try:
+        tiny.scale(refused, 2.0)
+    except TypeError as error:
+        print(error)
 """
     lines = tiny(code).stdout.splitlines()
     assert lines[0] == "6.0 3.0 1.0 3.0 1.0 4.0 2 2 4.0 1.0 1.0"
-    assert lines[1:] == ["1", "a kernel takes an array of 1 dimensions, not 2"]
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ("np.ones(2, complex)", "a kernel takes an array of float64, not complex128"),
-        ("[1.0, 2.0]", "a kernel takes an array of float64, not <class 'list'>"),
-    ],
-)
-def test_values_that_a_copy_would_change_are_refused(tiny, values, message):
-    code = f"import tiny\ntry:\n    tiny.scale({values}, 2.0)\nexcept TypeError as error:\n    print(error)"
-    assert tiny(code).stdout == f"{message}\n"
+    assert lines[1:] == [
+        "1",
+        "a kernel takes an array of 1 dimensions, not 2",
+        "a kernel takes an array of float64, not complex128",
+        "a kernel takes an array of float64, not <class 'list'>",
+    ]
 
 
 def test_nothing_is_stored_for_a_user_without_a_home_directory(monkeypatch):
@@ -475,10 +468,10 @@ def test_a_process_that_another_started_leaves_the_announcement_to_it(monkeypatc
 
 
 def test_machine_code_of_a_few_states_of_a_kernel_is_retained(tiny, tmp_path):
-    for number in range(4):
+    for number in range(3):
         (tmp_path / "tiny.py").write_text(TINY + f"# {number}\n")
-        tiny("kernels.MOST_FOLDERS = 2\n" + RUN)
-    assert len(stored(tmp_path, ".nbc")) == 3  # two, and the one that was compiled last
+        tiny("kernels.MOST_FOLDERS = 1\n" + RUN)
+    assert len(stored(tmp_path, ".nbc")) == 2  # one, and the one that was compiled last
 
 
 def test_the_folders_used_last_are_retained(tmp_path, monkeypatch):

@@ -341,7 +341,7 @@ def test_order_3_proves_no_less_than_order_2(seed):
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10**6),
-    pieces=st.integers(1, 6),
+    pieces=st.integers(1, 4),
     axes=st.integers(1, 4),
     jerk=st.floats(1.0, 1e4),
 )

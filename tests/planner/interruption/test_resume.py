@@ -2,6 +2,8 @@
 within it.
 """
 
+from itertools import cycle
+
 import numpy as np
 import pytest
 
@@ -187,8 +189,11 @@ def test_beside_a_rest_the_way_on_is_as_elsewhere(order, away):
     )
     made = plan(program, load_machine("corexy"), order=order)
     rests = np.unique(made.trajectory.s[made.trajectory.v == 0])
-    for place in np.concatenate([rests + away, rests[rests > 0] - away]).tolist():
-        for share in (1.0, 0.3):
+    both = (1.0, 0.3)
+    places = np.concatenate([rests + away, rests[rests > 0] - away]).tolist()
+    # a way on takes ten times as long at order 3, so that one share of two is tried there
+    for place, one in zip(places, cycle(both)):
+        for share in both if order == 2 else (one,):
             with np.errstate(all="raise"):
                 slow = made.resume(place, share)
             assert slow.certificate.holds

@@ -133,7 +133,7 @@ def test_a_fit_wrong_by_more_than_the_tolerance_is_caught(fitted):
     own = np.concatenate([ends[:1], corners[nearest[0] + 1 : nearest[1]], ends[1:]])
     given = [straight(*pair) for pair in pairwise(own)]
     rng = np.random.default_rng(17)
-    for _ in range(100):
+    for _ in range(40):
         k, way = int(rng.integers(len(pieces))), rng.normal(size=3)
         low, high = 0.0, 4 * TOLERANCE
         while high - low > 1e-4 * TOLERANCE:

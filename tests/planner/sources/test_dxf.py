@@ -1183,10 +1183,12 @@ def test_curves_are_fitted_and_drawn_in_time(tmp_path, splines):
         read.append(process_time() - begin)
         assert found.outline.length > 0
         drawn.append(process_time() - begin - read[-1])
-        if min(read) < most_read * slowness() and min(drawn) < most_drawn * slowness():
-            break
-    assert min(read) < most_read * slowness()
-    assert min(drawn) < most_drawn * slowness()
+        if min(read) < most_read and min(drawn) < most_drawn:
+            return
+        slower = slowness()
+        if min(read) < most_read * slower and min(drawn) < most_drawn * slower:
+            return
+    pytest.fail(f"{min(read):.2f} s to read, {min(drawn):.2f} s to draw")
 
 
 @pytest.mark.parametrize("wild", [False, True])

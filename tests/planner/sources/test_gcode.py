@@ -606,7 +606,9 @@ def test_many_words_are_read_in_time(read):
         begin = time.process_time()
         assert len(read(text).program.segments) == 20_000
         took.append(time.process_time() - begin)
-    assert min(took) < 0.6 * slowness()
+        if took[-1] < 0.6:
+            break
+    assert min(took) < 0.6 or min(took) < 0.6 * slowness()
     for words in ("X1" * 1_000_000, "\n".join(["X1 " * 300] * 3300), "(" * 1_000_000):
         with cpu_limit(1.0), pytest.raises(FileError):
             read(words)

@@ -53,7 +53,7 @@ def windows():
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     made = tmp_path_factory.mktemp("cluster") / "strokes.nc"
-    made.write_text(code(8))
+    made.write_text(code(6))
     return made
 
 
@@ -146,7 +146,7 @@ def test_without_workers_it_is_planned_here(call, file, alone, tmp_path, monkeyp
 
 def test_a_program_without_stops_is_planned_here(call, tmp_path, cluster):
     file = tmp_path / "whole.nc"
-    file.write_text(code(8).replace("G4 P0.01\n", ""))
+    file.write_text(code(4).replace("G4 P0.01\n", ""))
     address = cluster.scheduler.address
     done = call("plan", file, *ASKED, "--stream", "--cluster", address, "--out", tmp_path / "out")
     assert done.exit_code == 0, done.stderr

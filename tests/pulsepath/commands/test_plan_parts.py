@@ -32,7 +32,7 @@ from pulsepath import load_plan, progress
 from pulsepath.store.verify import seal_record
 from tests.windows import small_windows
 
-LINES, PIECES = 120, 6
+LINES, PIECES = 80, 4
 """In six windows."""
 FAR = "G1 X500 Y0"
 
@@ -374,7 +374,7 @@ def test_a_plan_that_is_broken_off_leaves_nothing(
     assert {path.name for path in tmp_path.iterdir()} == {file.name, *(["out"] if earlier else [])}
 
 
-@pytest.mark.parametrize("lines", [51, 54])
+@pytest.mark.parametrize("lines", [14, 20])
 def test_every_file_states_the_same_duration(call, folder, lines):
     """The sum of the parts' durations is one number, wherever it is stated: of these, numbers that
     round differ.

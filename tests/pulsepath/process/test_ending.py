@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(
     sys.platform == "win32", reason="a process there cannot be sent these signals"
 )
 
-PLAN = ("plan", "bare-circle", "--order", "2", "--out", "there/out")
+PLAN = ("plan", "bare-circle", "--order", "2", "--bound", "none", "--out", "there/out")
 MOMENTS = {
     "plan, at the start": (PLAN, None, "out"),
     "plan, planning": (PLAN, "planning bare-circle", "out"),
@@ -364,12 +364,12 @@ STUDIO = ("studio", "there", "--program", "circle.toml", "--no-browser", "--port
 RUNS = {
     "plan, kernels are compiled": (
         ("plan", "circle", "--out", "there/a/out"),
-        8.0,
+        5.0,
         (signal.SIGINT, signal.SIGTERM),
     ),
-    "plan in parts": (PARTS, 6.0, (signal.SIGTERM, signal.SIGHUP)),
+    "plan in parts": (PARTS, 4.0, (signal.SIGTERM, signal.SIGHUP)),
     "compare": (COMPARE, 2.5, (signal.SIGINT, signal.SIGHUP)),
-    "studio": (STUDIO, 4.0, (signal.SIGINT, signal.SIGTERM)),
+    "studio": (STUDIO, 3.0, (signal.SIGINT, signal.SIGTERM)),
 }
 
 
