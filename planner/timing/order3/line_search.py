@@ -100,8 +100,8 @@ class Filter:
         self.theta_max = max(self.theta_max, THETA_MAX * max(1.0, theta))
 
 
-class Judge(NamedTuple):
-    """What a trial point is compared with: θ, φ and the slope at the point, and the filter.
+class Standard(NamedTuple):
+    """Numbers by which a trial point is judged: θ, φ and slope at the point, and the filter.
 
     entries (N, 2)   pairs (θ, φ) of the filter
     """
@@ -117,7 +117,7 @@ class Judge(NamedTuple):
 
 
 class Taken(NamedTuple):
-    """A step length with the merit of its trial point, and why it is taken."""
+    """A step length, the merit of its trial point, and the outcome of the search."""
 
     alpha: float
     theta: float
@@ -134,7 +134,7 @@ def search(ray: Ray, filter: Filter, trial: Iterate) -> tuple[float, Merit]:
     """
     theta = ray.merit.theta
     phi = ray.merit.phi(ray.mu)
-    judge = Judge(
+    standard = Standard(
         theta=theta,
         phi=phi,
         slope=min(ray.limits.slope, 0.0),
@@ -144,7 +144,7 @@ def search(ray: Ray, filter: Filter, trial: Iterate) -> tuple[float, Merit]:
         theta_max=filter.theta_max,
         entries=np.array(filter.entries).reshape(-1, 2),
     )
-    taken = try_steps(ray.program, ray.point, ray.direction, ray.limits.alpha, judge, trial)
+    taken = try_steps(ray.program, ray.point, ray.direction, ray.limits.alpha, standard, trial)
     if taken.outcome == AUGMENTS:  # A-7
         filter.entries.append((theta, phi))
     elif taken.outcome == FAILED:
@@ -156,8 +156,8 @@ def search(ray: Ray, filter: Filter, trial: Iterate) -> tuple[float, Merit]:
 
 def measure(program: Program, point: Iterate, direction: Direction, trial: Iterate) -> Merit:
     """Fill x, s and the residuals of `trial` with those of the point; return its merit."""
-    anything = Judge(np.inf, 0.0, 0.0, 0.0, True, 0.0, np.inf, np.empty((0, 2)))
-    taken = try_steps(program, point, direction, 0.0, anything, trial)
+    any_point = Standard(np.inf, 0.0, 0.0, 0.0, True, 0.0, np.inf, np.empty((0, 2)))
+    taken = try_steps(program, point, direction, 0.0, any_point, trial)
     return Merit(taken.theta, taken.objective, taken.logarithms, taken.time)
 
 
@@ -167,7 +167,7 @@ def try_steps(
     point: Iterate,
     direction: Direction,
     alpha: float,
-    judge: Judge,
+    standard: Standard,
     trial: Iterate,
 ) -> Taken:
     """Halve the step length alpha until the step is acceptable (steps A-5.1 to A-5.10)."""
@@ -177,31 +177,30 @@ def try_steps(
         if tried:
             alpha /= 2  # A-5.10
             merit = try_step(program, point, direction, alpha, trial)
-        outcome = judge_step(
-            judge, alpha, merit.theta, merit.objective - judge.mu * merit.logarithms
-        )
+        phi = merit.objective - standard.mu * merit.logarithms
+        outcome = judge_step(standard, alpha, merit.theta, phi)
         if outcome != FAILED:
             break
     return Taken(alpha, merit.theta, merit.objective, merit.logarithms, merit.time, outcome)
 
 
 @kernel
-def judge_step(judge: Judge, alpha: float, theta: float, phi: float) -> int:
-    """Return whether a trial point with θ and φ is acceptable, and if so, by which case."""
-    before = judge.theta
-    entries = judge.entries
-    if not theta < judge.theta_max:  # A-5.3
+def judge_step(standard: Standard, alpha: float, theta: float, phi: float) -> int:
+    """Return whether a trial point with θ and φ is acceptable, and whether the filter grows."""
+    before = standard.theta
+    entries = standard.entries
+    if not theta < standard.theta_max:  # A-5.3
         return FAILED
     for i in range(len(entries)):
         if not (theta < (1 - GAMMA) * entries[i, 0] or phi < entries[i, 1] - GAMMA * entries[i, 0]):
             return FAILED
-    if judge.is_flat:
+    if standard.is_flat:
         return ACCEPTED if theta <= max(before, ROUNDING_THETA) else FAILED
-    if before <= judge.theta_min and alpha * (-judge.slope) ** S_PHI > before**S_THETA:
+    if before <= standard.theta_min and alpha * (-standard.slope) ** S_PHI > before**S_THETA:
         # A-5.4, case I: φ decreases by the Armijo condition
-        least = judge.phi + ETA * alpha * judge.slope + ROUNDING * abs(judge.phi)
+        least = standard.phi + ETA * alpha * standard.slope + ROUNDING * abs(standard.phi)
         return ACCEPTED if phi <= least else FAILED
-    if theta <= (1 - GAMMA) * before or phi <= judge.phi - GAMMA * before:
+    if theta <= (1 - GAMMA) * before or phi <= standard.phi - GAMMA * before:
         # A-5.4, case II: θ or φ decreases, and the filter is augmented (A-7)
         return AUGMENTS
     return FAILED
