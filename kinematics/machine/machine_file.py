@@ -52,7 +52,7 @@ def read_machine(source: Path | Traversable) -> Machine:
 
 
 def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
-    """Return a function that makes the machine of a file, which takes many times as long as this.
+    """Return a function that makes the machine of a file: that takes longer than the validation.
 
     Raises FileError with every fault of the keys. The function raises faults of the machine, such
     as a home pose out of reach, and all faults of the geometry file of [KMITL 2005].
@@ -133,7 +133,7 @@ def _find_turning(data: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _refuse_kind(kind: Any) -> BadValue:
-    """Return the refusal of a kind. The name of a bundled machine is answered with its kind."""
+    """Return the refusal of a kind. For a bundled machine's name, the message names its kind."""
     known = ", ".join(map(describe_value, KINDS))
     bundled = presets("kinematics")
     message = f"{describe_value(kind)} is not a kind of machine"
@@ -245,7 +245,7 @@ def load_machine(name_or_path: MachineSource) -> Machine:
 
 @cache
 def _read_bundled(name: str) -> Machine:
-    """Read a bundled machine once: its copies share what is derived from its geometry."""
+    """Read a bundled machine once: copies share its inverse map and all that `derive` makes."""
     return read_machine(presets("kinematics")[name])
 
 

@@ -177,6 +177,7 @@ class MachineModel(Kind):
             self.home = read_pose(f"machine {name}: home", home)
         self.name, self.axes = name, check_axes(self, name, axes)
         self._derived: dict[Callable[..., Any], Any] = {}
+        self._original: Self | None = None
         self._of_load: dict[Callable[..., Any], Any] = {}
         self.load = check_load(self, self.name, Load() if load is None else load)
         with locate_errors(f"machine {name}"):  # operations that nothing here can bound
@@ -194,7 +195,7 @@ class MachineModel(Kind):
     @check_arguments()
     def carrying(self, load: Load) -> Self:
         """The same machine with another load."""
-        other = copy(self)
+        other = self._copy()
         other.load = check_load(self, self.name, load)
         other._of_load = {}
         return other
@@ -205,7 +206,8 @@ class MachineModel(Kind):
 
         Raises MotionError for axes that are not as many, or not called as the machine's own.
         """
-        other, names = copy(self), tuple(axis.name for axis in self.axes)
+        other = self._copy()
+        names = tuple(axis.name for axis in self.axes)
         other.axes = check_axes(self, self.name, axes)
         given = tuple(axis.name for axis in other.axes)
         if given != names:
@@ -261,8 +263,14 @@ class MachineModel(Kind):
 
     def rename(self, name: str) -> Self:
         """The same machine by another name, as of a copy of its file."""
-        other = copy(self)
+        other = self._copy()
         other.name = name
+        return other
+
+    def _copy(self) -> Self:
+        """Return a copy that shares what is derived from the geometry, which stays the original's."""
+        other = copy(self)
+        other._original = self._original or self
         return other
 
     def symbolic(self, x: ca.SX, near: ca.SX) -> ca.SX:
@@ -472,16 +480,20 @@ class MachineModel(Kind):
         )
 
     def derive(self: M, build: Callable[[M], T], *, of_load: bool = False) -> T:
-        """What a function makes of this machine, made once.
+        """Return what a function makes of this machine, made once.
 
-        of_load: it depends on what the machine carries and on its actuators, so that copies with
-        others make it anew.
+        It is made of the geometry, as the first of all copies was made with it.
+
+        of_load  it also depends on the load and the actuators: copies with others make it anew
         """
-        made = self._of_load if of_load else self._derived
+        if of_load:
+            made, source = self._of_load, self
+        else:
+            made, source = self._derived, self._original or self
         if build not in made:
-            made[build] = build(self)
-        found: T = made[build]
-        return found
+            made[build] = build(source)
+        result: T = made[build]
+        return result
 
 
 def square_jacobian(machine: MachineModel, x: Array, near: Array) -> Array:

@@ -225,11 +225,11 @@ class LimitProof:
             values: Values,
         ) -> tuple[np.ndarray, int]:
             nonlocal coarse
-            loose, parts = self._find_loose(cells, values)
+            loose, excess = self._find_loose(cells, values)
             if coarse:
                 coarse = False
-                parts = 1  # the same cells, by the fine enclosure
-            return loose, parts
+                return loose, 1  # the same cells, by the fine enclosure
+            return self._choose_parts(cells, loose, excess)
 
         cells, (bound, _) = refine(cells, self._evaluate, find_loose, values)
         np.maximum.at(self.use, cells.k, self._round(bound))
@@ -245,8 +245,8 @@ class LimitProof:
         self,
         cells: Cells,
         values: Values,
-    ) -> tuple[np.ndarray, int]:
-        """Return which cells (N,) are not tight, and the number of parts to split them into."""
+    ) -> tuple[np.ndarray, float]:
+        """Return which cells (N,) are not tight, and their largest excess in tolerances."""
         bound, attained = (self._round(each) for each in values)
         np.maximum.at(self.attained, cells.k, attained)
         most = self.attained.max()
@@ -256,11 +256,25 @@ class LimitProof:
         loose = (bound > floor + tolerance) | ((bound > 1) & (attained <= 1))
         with np.errstate(invalid="ignore"):  # an unbounded cell
             excess = np.nanmax((bound - most) / tolerance, where=loose, initial=1.0)
+        return loose, float(excess)
+
+    def _choose_parts(
+        self,
+        cells: Cells,
+        loose: np.ndarray,
+        excess: float,
+    ) -> tuple[np.ndarray, int]:
+        """Return which cells (N,) to split, and into how many parts; the others keep their bounds.
+
+        Cells that are too short, and all cells where there would be too many, are not split.
+        """
+        least = self.least_share * np.diff(self.trajectory.knots)[cells.k]
+        possible = cells.lengths / least
+        loose = loose & (possible >= 2)
         # bounds converge with the square of the cell's length at least
         most_parts = MOST_PARTS if loose.sum() <= FEW_CELLS else 2
+        most_parts = min(most_parts, int(possible.min(where=loose, initial=most_parts)))
         parts = int(np.clip(np.ceil(np.sqrt(excess)), 2, most_parts))
-        least = self.least_share * np.diff(self.trajectory.knots)[cells.k]
-        loose &= cells.lengths >= parts * least  # the others keep their bounds
         if parts * loose.sum() > MAX_CELLS:
             loose[:] = False
         return loose, parts

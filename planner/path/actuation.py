@@ -4,6 +4,7 @@ Where a pose has several coordinates, a path starts near those at home and follo
 jump, through several turns.
 """
 
+from collections import OrderedDict
 from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
 FIRST_POINTS = 65
 MAX_POINTS = 2**16 + 1
 MAX_TURN_STEP = np.pi / 4
-# Angle (rad) by which an axis may turn along a part of a piece: the coordinates of the next turn
-# are π away from those in the middle.
+# Angle (rad) by which an axis may turn along a part of a piece: more than π from the coordinates in
+# its middle, those of another turn would be nearer.
 MAX_PART_TURN = 1.5 * np.pi
 
 
@@ -182,7 +183,7 @@ class ActuatorPath(Protocol):
 
     @property
     def turns(self) -> Array:
-        """Angle (P,) in rad by which each piece bends or turns: grids are the finer for it."""
+        """Angle (P,) in rad by which each piece bends or turns: more turn, finer grids."""
 
     @property
     def end_speeds(self) -> tuple[float, float]:
@@ -196,7 +197,7 @@ class ActuatorPath(Protocol):
         """
 
     def constant(self, piece: int) -> float | None:
-        """Return the stated ṡ on a piece, which ramps at its segment's ends may lack; or None."""
+        """Return ṡ that is required on a piece, except on ramps at its segment's ends; or None."""
 
     def stops(self, order: int) -> np.ndarray:
         """Return at which breaks (P+1,) a motion of an order has to rest.
@@ -216,10 +217,10 @@ class ActuatorPath(Protocol):
         """Return the number of a piece's segment, from 1; None without a program."""
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
-        """Return the name of a place."""
+        """Return the place at path length s of a piece, for messages."""
 
     def parameter(self, s: Array, piece: np.ndarray) -> Array:
-        """Return the parameter (N,) by which users know places: s, unless they chose another."""
+        """Return the parameter (N,) of the given path: s, unless that was redrawn by its length."""
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives: ...
     def axis_derivatives(
@@ -245,36 +246,39 @@ def has_constant_speed(path: ActuatorPath) -> bool:
     return any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1))
 
 
-# Maps of a machine that are retained: a formula has a shape of its own.
-MOST_MAPS = 128
+# Maps of a machine that are retained, those used last: a formula has a shape of its own.
+MOST_MAPS = 512
 
 
-class _Maps(dict[Hashable, Expression]):
-    """Maps of a machine along paths, by what makes them and for which shape.
+class _Maps(OrderedDict[Hashable, Expression]):
+    """Maps of a machine along paths, by what makes them, and for which shape and settings.
 
     They depend on its geometry alone, so that copies of the machine share them. Other processes
     make their own.
     """
 
-    def __init__(self, machine: Machine | None = None) -> None:
+    def __init__(self, machine: Machine) -> None:
         super().__init__()
+        self.machine = machine
 
-    def __reduce__(self) -> tuple[type["_Maps"], tuple[()]]:
-        return _Maps, ()
+    def __reduce__(self) -> tuple[type["_Maps"], tuple[Machine]]:
+        return _Maps, (self.machine,)
 
 
 def _find_map(
     machine: Machine,
     make: Callable[..., Expression],
-    *shape: Hashable,
+    *settings: Hashable,
 ) -> Expression:
-    """Return what a function makes of a machine and a shape, made once."""
+    """Return what a function makes of a machine, a shape and settings; made once."""
     maps = machine.derive(_Maps)
-    made = maps.get((make, *shape))
+    key = (make, *settings)
+    made = maps.pop(key, None)
     if made is None:
-        made = maps[make, *shape] = make(machine, *shape)
-        while len(maps) > MOST_MAPS:
-            maps.pop(next(iter(maps)), None)
+        made = make(maps.machine, *settings)
+    maps[key] = made  # the most recent is the last
+    while len(maps) > MOST_MAPS:
+        maps.popitem(last=False)
     return made
 
 
@@ -351,7 +355,7 @@ class MachinePath:
         fits        outcomes of the chains of segments that ask for curves
         overshoots  distances of splines from their polygons
         tool        frame of the tool in the platform's; None: the platform's. Pieces that are
-                    drawn by their length have that of the tool
+                    drawn by length are measured along the tool's path
         end_speeds, end_accelerations  ṡ and s̈ with which a motion begins and ends
         near        (n,) coordinates near which it starts; None: those at home
         origin      path length and time (s) at which it begins as a part of another path: names of

@@ -50,12 +50,12 @@ from planner.timing.tighten import SOLVER_MARGIN, required_slowness, tighten_unt
 # in between slows it in one place only.
 MAX_ACCEPTED_SLOWNESS = 1.01
 # Share by which the limits of a nearly straight ramp may vary along it. Each of its pieces of
-# constant jerk has an interval for each 0.1 % that they vary, and at least 20. The 20 files of
-# evidence cam_files take 5.0 instead of 5.7 s to plan at order 3 with that in place of the usual
-# grid, and their motion as long.
+# constant jerk has an interval for each 0.1 % that they vary, in the range below: with hundreds the
+# interior point may fail. The 20 files of evidence cam_files take 5.0 instead of 5.7 s to plan at
+# order 3 with that in place of the usual grid, and their motion as long.
 MAX_BEND = 0.15
 BEND_PER_INTERVAL = 1e-3
-MIN_RAMP_INTERVALS = 20
+RAMP_INTERVALS = (20, 80)
 # Ramps of s̈ shorter than this share of a motion are ramps that no solver can tell from steps.
 SURELY_BRIEF = 1e-5
 # Number of pieces of a run up to which rests at all of its breaks are tried.
@@ -120,7 +120,7 @@ def solve_run(task: Task, *, once: bool = False, tightened: bool = True) -> RunS
         solution = None if once and not attempt.once else attempt.solve(task, outcomes)
         if solution is None:
             continue
-        if tightened and solution.problem is not None and not solution.exact:
+        if tightened and solution.problem is not None and not solution.is_closed_form:
             solution = tighten_until_kept(task, solution)
         outcomes.append(solution)
         if not solution.solved and attempt.refuses:
@@ -223,7 +223,7 @@ def ramp_brief_steps(task: Task, outcomes: Outcomes) -> RunSolution | None:
 def solve_from_closed_form(task: Task, outcomes: Outcomes) -> RunSolution | None:
     """Solve a nearly straight ramp from its closed form, unless that loses next to nothing.
 
-    The faster of both motions is returned.
+    The faster of both motions is returned, or a refusal where the solver fails.
     """
     if task.run.continuation is not None:
         return None
@@ -236,12 +236,10 @@ def solve_from_closed_form(task: Task, outcomes: Outcomes) -> RunSolution | None
         return None
     motion = near.profile
     bend = 1 - near.lower_estimate / near.duration
-    parts = max(MIN_RAMP_INTERVALS, int(np.ceil(bend / BEND_PER_INTERVAL)))
+    parts = int(np.clip(np.ceil(bend / BEND_PER_INTERVAL), *RAMP_INTERVALS))
     problem = divide_motion(task.path, task.active_limits, task.run, motion, parts)
     solution = _solve_posed(task, (problem, motion.on(problem.s)), "finer")
-    if solution.solved and near.duration < solution.duration:
-        return near
-    return replace(solution, lower_estimate=near.lower_estimate)
+    return near if solution.solved and near.duration < solution.duration else solution
 
 
 def solve_by_loss(task: Task, outcomes: Outcomes) -> RunSolution | None:

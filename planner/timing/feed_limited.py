@@ -39,7 +39,7 @@ RAMP_SHARES = (0.5, 0.05)
 SPEED_ROUNDING = 1e-13
 # Share of a ramp's largest speed and acceleration by which its ends may differ from the cruise's.
 SAME_STATE = 1e-9
-# Share of the duration of a run's cruises that one of its ramps may lose.
+# Share of the duration of a run's cruises that each of its ramps may lose.
 NEGLIGIBLE_SHARE = 5e-7
 
 

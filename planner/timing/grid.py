@@ -87,7 +87,7 @@ SAME_PLACE = 1e-12
 class Task:
     """A run that is to be timed within limits, and the problems on it that several ways share.
 
-    negligible  time (s) that a simpler solution may lose
+    negligible  time (s) by which a closed form may be longer than the fastest motion
     """
 
     path: ActuatorPath
@@ -367,7 +367,7 @@ def divide_motion(
 ) -> Problem:
     """Pose a run within one piece on the time pieces of a motion, each cut into parts.
 
-    s⃛ may step where the motion's does: few intervals lose as little as many elsewhere.
+    Its steps of s⃛ are grid points, so that fewer intervals suffice.
     """
     owner = np.repeat(np.arange(len(motion.h)), parts)
     shares = np.arange(parts) / parts

@@ -149,7 +149,7 @@ class RunSolution:
         return self.problem is not None and self.fallback is None
 
     @property
-    def exact(self) -> bool:
+    def is_closed_form(self) -> bool:
         """True if it is a closed form, which aims nearer at the limits than solvers."""
         return self.maker in (STRAIGHT, CRUISE)
 
@@ -200,7 +200,7 @@ class RunSolution:
         the limits: such a speed is given, and may be that of a motion in closed form.
         """
         aims = np.full(len(self.profile.h), SOLVER_AIM)
-        if self.exact:
+        if self.is_closed_form:
             aims[:] = EXACT_AIM
         if self.has_end_speed:
             aims[[0, -1]] = EXACT_AIM

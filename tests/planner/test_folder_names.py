@@ -21,6 +21,7 @@ INTERNALS = {
     "planner/timing/order2/test_passes.py",
     "planner/timing/order3/test_pose.py",
     "planner/timing/order3/test_solve.py",
+    "planner/certificate/test_limit_use.py",
     "planner/bounds/test_duration_bound.py",
     "planner/timing/test_stated_duration.py",
     # kernels, whose descriptions name the folders of compiled code

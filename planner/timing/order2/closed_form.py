@@ -37,9 +37,9 @@ MIN_RAMP_SHARE = 1e-9
 # Ramps between cruises take at least this many roundings of a path length: the proof of the tool's
 # speed is off by about the inverse. A ramp to 10 µm/s at 60 mm takes 1.3 nm and 0.3 ms for it.
 MIN_RAMP_ROUNDINGS = 1e8
-# Share of the limits on speed from which an end's speed counts as capped: cruises that follow a cap
-# are slower than it by up to 5e-5.
-MIN_CAPPED_SHARE = 1 - 1e-3
+# Share of the largest speed that limits allow along a ramp from which an end's speed counts as
+# capped: cruises that follow a cap are slower than it by up to 5e-5.
+MIN_CAPPED_SHARE = 1 - 1e-4
 TANGENTIAL = (Term.SD, Term.SDD, Term.SDDD)
 
 Piece = tuple[float, float, float]
@@ -188,12 +188,12 @@ def straight(problem: Problem) -> RunSolution | None:
 
 
 def nearly_straight_ramp(problem: Problem, share: float) -> RunSolution | None:
-    """Find a ramp from or to the capped speed, about a share longer than the fastest at most.
+    """Find a ramp from or to the capped speed that is nearly the fastest.
 
-    Rows hardly vary along a short ramp, and curvature uses little: as much is left unused. The
-    lower estimate is the time that the ramp would take if it used that as well. None where rows or
-    curvature use more than the share, where a motion might be faster than the speeds at the ends,
-    or where these have no such motion.
+    Rows hardly vary along a short ramp, and curvature uses little: limits are lowered by twice the
+    variation and by the use of curvature. The lower estimate is the time that the ramp would take
+    within the full limits. None where variation or curvature are above the share, where a motion
+    might be faster than the speeds at the ends, or where these have no such motion.
     """
     top_speed = max(problem.speeds)
     if top_speed == 0 or problem.piece[0] != problem.piece[-1]:
@@ -209,9 +209,12 @@ def nearly_straight_ramp(problem: Problem, share: float) -> RunSolution | None:
     aim = EXACT_AIM - unused
     farthest = float(np.abs(problem.s).max())
     bounds = replace(limits.scale(1.0, aim, aim), v_max=top_speed)
+    used_speed = min(top_speed / limits.v_max, 1.0)
     bounds = bounds.stretch_ramp(problem.speeds, least_ramp(farthest))
     motion = _find_fastest(problem, bounds)
-    return replace(motion, lower_estimate=aim * motion.duration) if motion.solved else None
+    if not motion.solved:
+        return None
+    return replace(motion, lower_estimate=aim * used_speed * motion.duration)
 
 
 def least_ramp(s: float) -> float:
@@ -282,7 +285,7 @@ def _bound_run(
     """Return constant limits, and the share of them that curvature and variation may use.
 
     share      largest share by which rows may vary, or that curvature may use; None beyond it
-    capped     limits on speed may vary: the least counts all along the run
+    capped     limits on speed may vary: the widest counts all along the run
     """
     if not problem.is_unconditional or not all(map(_is_plain, problem.blocks)):
         return None
@@ -304,8 +307,8 @@ def _bound_run(
             if variation > share:
                 return None
             for use, sign in ((forwards, 1), (backwards, -1)):
-                largest = float(block.share(sign * values).max(initial=0.0))
-                use[term] = max(use[term], largest)
+                largest = block.share(sign * values).max(1, initial=0.0)
+                use[term] = max(use[term], float(largest.min()))
     if not forwards[Term.SDDD] and not forwards[Term.SDD]:
         return None
 

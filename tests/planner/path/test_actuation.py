@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import load_machine
 from kinematics.foundation.errors import NotFree
-from planner import Arc, Line, Program, Trajectory, Turn, load_program
+from planner import Arc, Line, Program, Trajectory, Turn, load_program, plan
 from planner.certificate import Cells, bound_series, enclose
 from planner.path.actuation import actuate
 from planner.path.polynomial import PolynomialPath
@@ -299,3 +299,13 @@ def test_a_refusal_of_a_pose_that_the_machine_holds_carries_its_segment():
     with pytest.raises(NotFree, match="segment 2") as raised:
         actuate(Program((there, turned)), machine)
     assert raised.value.segment == 2
+
+
+def test_a_changed_joint_of_one_machine_does_not_change_another():
+    """Maps along paths are made of the geometry that was read, whoever is the first to need them."""
+    before = plan("bare-circle", "hexapod", order=2).duration
+    changed = load_machine("hexapod")
+    changed._derived.clear()  # as in a new process
+    changed.base = 1.05 * np.array(changed.base)
+    plan("bare-circle", changed, order=2)
+    assert plan("bare-circle", "hexapod", order=2).duration == before

@@ -186,3 +186,25 @@ def test_the_bound_knows_the_feed_at_a_join_to_a_slower_segment(machine):
     exact += (0.2 - 0.1) ** 2 / (2 * ACCELERATION * 0.2)
     assert made.trajectory.duration == pytest.approx(exact, rel=2e-6)
     assert made.gap <= 1e-3
+
+
+@pytest.mark.parametrize("angle", [0.08, 0.05])
+def test_a_ramp_to_a_falling_cap_may_be_faster_on_the_way(machine, angle):
+    """Along an arc that turns towards a slow axis, the cap of the end is the lowest: the fastest
+    motion goes faster in between.
+    """
+    x, y, *others = machine.axes
+    slow = machine.driven_by(
+        [
+            replace(x, max_speed=10.0, max_acceleration=0.05, max_jerk=10.0),
+            replace(y, max_speed=0.003, max_acceleration=100.0, max_jerk=1e4),
+            *others,
+        ]
+    )
+    center = [-np.sin(0.02), np.cos(0.02), 0.0]
+    cap = 0.003 / np.sin(0.02 + angle)
+    program = Program((Arc(center, [0.0, 0.0, 1.0], angle),), end_speed=cap * (1 - 1e-6))
+    without_jerk = plan(program, slow, order=2)
+    fastest = plan(program, slow, order=3)
+    assert fastest.lower_estimate <= fastest.duration
+    assert without_jerk.duration <= fastest.duration <= 1.002 * without_jerk.duration
