@@ -56,13 +56,26 @@ def options(kind: type[Any]) -> dict[str, Field[Any]]:
 
 
 def make_with(kind: type[R], what: str, given: Mapping[str, Any]) -> R:
-    """What a dataclass makes of its fields.
+    """Return an instance of a dataclass with the given fields.
 
-    Raises MotionError for an unknown one, with the nearest.
+    A quantity may also be a text with its unit, as on the command line: "0.05 mm".
+
+    Raises MotionError for an unknown field, with the nearest name, and for a value of a wrong kind.
     """
     _refuse_unknown([each.name for each in fields(cast(Any, kind)) if each.init], what, given)
+    accepted = _field_kinds(cast(Any, kind), ())
+    offered = options(kind)
+    values: dict[str, Any] = {}
+    for name, value in given.items():
+        unit = offered[name].metadata["unit"] if name in offered else ""
+        if unit and isinstance(value, str):
+            with locate_errors(f"{what}, option {name}"):
+                value = quantity(value, unit)
+        if name in accepted:
+            _refuse_misfit(what, name, value, accepted[name][0])
+        values[name] = value
     with locate_errors(what):
-        return kind(**given)
+        return kind(**values)
 
 
 def _refuse_unknown(known: Iterable[str], what: str, given: Iterable[str]) -> None:

@@ -620,6 +620,15 @@ def test_too_large_a_file_is_refused(read, monkeypatch):
         read("(" + "x" * (1 << 20) + ")")
 
 
+def test_a_quantity_is_a_number_or_a_text_with_its_unit(read):
+    lines = "G1 X1 F100\nX1.1 Y1\nX1.2 Y2"
+    texts, numbers = (read(lines, blend=value).program for value in ("50 um", 5e-5))
+    assert program_toml(texts) == program_toml(numbers)
+    for value in ("5 kg", "x", [1], True):
+        with pytest.raises(MotionError, match="blend"):
+            read(lines, blend=value)
+
+
 def test_the_format_is_found_by_suffix_or_by_name(read):
     assert read("G0 X1", ".TAP").program.name == "part"
     assert read("G0 X1", ".txt", format="gcode").program.name == "part"
