@@ -268,7 +268,7 @@ class MachineModel(Kind):
         return other
 
     def _copy(self) -> Self:
-        """Return a copy that shares what is derived from the geometry, which stays the original's."""
+        """Return a copy that shares all that `derive` makes of the original's geometry."""
         other = copy(self)
         other._original = self._original or self
         return other
@@ -482,7 +482,7 @@ class MachineModel(Kind):
     def derive(self: M, build: Callable[[M], T], *, of_load: bool = False) -> T:
         """Return what a function makes of this machine, made once.
 
-        It is made of the geometry, as the first of all copies was made with it.
+        It is made of the original of all copies.
 
         of_load  it also depends on the load and the actuators: copies with others make it anew
         """

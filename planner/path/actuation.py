@@ -84,7 +84,7 @@ def _follow_coordinates(machine: Machine, piece: Piece, here: Array, rotary: np.
 
 
 def _find_turn(q: Array, count: int) -> float:
-    """Return the largest turn (rad) of an axis along one of so many equal parts."""
+    """Return the largest turn (rad) of an axis along any of `count` equal parts."""
     return max(float(np.ptp(part, axis=0).max(initial=0.0)) for part in _split_equally(q, count))
 
 
