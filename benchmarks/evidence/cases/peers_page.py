@@ -6,6 +6,7 @@ the README instead.
 
 import csv as csv_module
 from collections.abc import Iterator, Sequence
+from math import ceil, floor, log10
 from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
@@ -148,6 +149,7 @@ def describe(answer: Answer) -> str:
 def draw(answers: Sequence[Answer], path: Path) -> None:
     """Draw how far each answer is above the best of its problem, over its time."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     problems = list_problems(answers)
     figure = Figure(figsize=(3.4 * len(problems), 3.6), layout="constrained")
@@ -159,6 +161,10 @@ def draw(answers: Sequence[Answer], path: Path) -> None:
                 times = [float(one[TIME]) for one in chosen]
                 ax.plot(times, heights, marker, color=f"C{number}", label=method, alpha=0.8)
         ax.set(xscale="log", yscale="log", xlabel="wall time (s)")
+        # from one decade to the next, so that no times in between need labels
+        shortest, longest = map(log10, ax.get_xlim())
+        ax.set_xlim(10.0 ** floor(shortest), 10.0 ** ceil(longest))
+        ax.xaxis.set_minor_formatter(NullFormatter())
         ax.set_title(", order ".join(problem), fontsize=9)
         ax.legend(fontsize=7)
     figure.supylabel("slowed to hold: above the best (%, +1e-4)", fontsize=10)
