@@ -186,8 +186,11 @@ def _make_machine(
 def _locate_fault(data: Mapping[str, Any], error: MotionError) -> Key:
     """Return the place of the key that an error names: in the table of its axis, or in another."""
     *axes, name = getattr(error, "key", ()) or ("geometry",)
-    own = [("axis", n) for n, table in enumerate(data.get("axis", ())) if table.get("name") in axes]
-    tables: list[tuple[Key, Any]] = [(place, data["axis"][place[1]]) for place in own]
+    tables: list[tuple[Key, Any]] = [
+        (("axis", n), table)
+        for n, table in enumerate(data.get("axis", ()))
+        if table.get("name") in axes
+    ]
     tables += [((key,), data.get(key)) for key in ("axes", "rotary", "geometry", "wiring")]
     places = (
         (*place, name) for place, table in tables if isinstance(table, dict) and name in table
