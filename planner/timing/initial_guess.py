@@ -26,7 +26,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array, bisect
+from kinematics.foundation.arrays import Array, bisect, largest_in_rows
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.kernels import Floats1, kernel
 from planner.limits.limit import Term
@@ -408,7 +408,7 @@ def _largest_coefficients(problem: Problem, term: Term) -> Array:
     for block in problem.blocks:
         for side, rows in enumerate(block.sides):
             if term in rows:
-                size = np.abs(rows[term]).max(1)
+                size = largest_in_rows(np.abs(rows[term]))
                 largest[side] = np.maximum(largest[side], size)
     return largest
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, largest_in_rows
 from planner.limits.limit import Term
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
@@ -253,7 +253,7 @@ class Block:
         use = np.zeros(len(self.room))
         for rows in self.sides:
             if Term.ONE in rows:
-                np.maximum(use, self.share(rows[Term.ONE]).max(1), out=use)
+                np.maximum(use, largest_in_rows(self.share(rows[Term.ONE])), out=use)
         return np.minimum(use, MAX_HOLDING_SHARE * self.room)
 
     def aimed(self, share: Array | float) -> "Block":

@@ -5,11 +5,11 @@ solved, samples show where it still exceeds a limit.
 """
 
 from collections.abc import Sequence
-from functools import reduce
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array, largest_in_rows
+from kinematics.foundation.kernels import Floats2, Floats3, kernel
 from planner.limits.limit import Limit, order_of, select_timed
 from planner.path.actuation import ActuatorPath
 from planner.timing.profile import Profile
@@ -51,13 +51,29 @@ def _bound_parabolas(values: Array) -> tuple[Array, Array]:
     """Return the least and largest (M, m) of parabolas through each three of values (M, 2n+1,
     m).
     """
-    first = values[:, :-2:2]
-    middle = values[:, 1::2]
-    last = values[:, 2::2]
-    second_difference = first - 2 * middle + last
-    with np.errstate(divide="ignore", invalid="ignore"):
-        vertex = (first - last) / (2 * second_difference)  # in steps from the middle
-        extreme = middle - second_difference * vertex**2 / 2
-        peak = np.where(np.abs(vertex) < 1, extreme, middle)
-    candidates = [*np.moveaxis(values, 1, 0), *np.moveaxis(peak, 1, 0)]
-    return reduce(np.minimum, candidates), reduce(np.maximum, candidates)
+    low = values[:, 0].copy()
+    high = low.copy()
+    _widen_range(np.ascontiguousarray(values), low, high)
+    return low, high
+
+
+@kernel
+def _widen_range(values: Floats3, low: Floats2, high: Floats2) -> None:
+    """Widen the range from low to high (M, m) to all values, and to the vertices between them."""
+    pieces, instants, channels = values.shape
+    for k in range(pieces):
+        for i in range(1, instants, 2):
+            for c in range(channels):
+                first = values[k, i - 1, c]
+                middle = values[k, i, c]
+                last = values[k, i + 1, c]
+                least = min(middle, last)
+                most = max(middle, last)
+                second_difference = first - 2 * middle + last
+                # a vertex between first and last
+                if abs(first - last) < 2 * abs(second_difference):
+                    vertex = middle - (first - last) ** 2 / (8 * second_difference)
+                    least = min(least, vertex)
+                    most = max(most, vertex)
+                low[k, c] = min(low[k, c], least)
+                high[k, c] = max(high[k, c], most)

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, largest_in_rows
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
 from planner.timing.order2 import passes
@@ -131,7 +131,7 @@ def _estimate_time(problem: Problem, length: float) -> float:
     times = [MIN_TIME]
     for block in problem.blocks:
         for term, values in block.start.items():
-            size = float(np.abs(values).max(1).mean())
+            size = float(largest_in_rows(np.abs(values)).mean())
             if term is Term.SD:
                 times.append(size * length)
             elif term is Term.SD2:
@@ -152,7 +152,7 @@ def _lower_ceiling(
         room = block.room.copy()
         if not free[number]:
             room[end] = 1.0
-        slope = np.abs(block.sides[number][Term.SD]).max(1) * unit
+        slope = largest_in_rows(np.abs(block.sides[number][Term.SD])) * unit
         with np.errstate(divide="ignore"):
             largest = (room / slope) ** 2
         ceiling[points] = np.minimum(ceiling[points], largest)

@@ -119,8 +119,8 @@ MAX_REVISIONS = 5
 # Average number of constraints per stage up to which all are active: leaving out some of few saves
 # nothing.
 FEW_CONSTRAINTS = 32
-# Room of inactive constraints below which they are activated: examined at each solution, and in
-# every fourth iteration. An activation extends to stages around, 5 from near starts and 16 from far
+# Room of inactive constraints below which they are activated: examined in every fourth iteration,
+# and at solutions for which bounds may be revised. An activation extends to stages around, 5 from near starts and 16 from far
 # ones, and to twice as many each time: with a constant number more solves fail.
 SHORT = 0.1
 EXAMINE_EACH = 4
@@ -308,17 +308,17 @@ class _Method:
 
     def update_constraints(self, error: OptimalityError, revise: Revise | None) -> bool:
         """Activate constraints near the point, or revise bounds. Return True if any changed."""
-        converged = self._converged(error)
-        if not converged and self.iterations % EXAMINE_EACH != EXAMINE_EACH - 1:
-            return False
         solved = self.is_solved(error)
+        can_be_early = self.revisions == 0 and self.tolerance < self.mu <= EARLY_MU
+        early = can_be_early and self._converged(error)
+        if not (solved or early) and self.iterations % EXAMINE_EACH != EXAMINE_EACH - 1:
+            return False
         self._examine(self.point.states, self.point.controls)
         if ((self.room < (0.0 if solved else SHORT)) & ~self.mask).any():
             self._activate_more()
             return True
-        early = self.revisions == 0 and self.tolerance < self.mu <= EARLY_MU
         late = solved and self.revisions < MAX_REVISIONS
-        if revise is None or not (converged and (early or late)):
+        if revise is None or not (early or late):
             return False
         self.revisions += 1
         bounds = revise(self.point.states, self.point.controls, self.values, solved)

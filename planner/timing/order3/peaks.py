@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, largest_in_rows
 from planner.limits.limit import Term
 from planner.timing.order3.pose import PosedStages, pose_bounds
 from planner.timing.problem import SOLVER_AIM, Block, Problem
@@ -72,8 +72,8 @@ class Peaks:
         for block in self.problem.blocks:
             columns = slice(last, last + block.middle.size)
             last = columns.stop
-            first = block.share(values[:, :count][:, columns]).max(1)
-            second = block.share(values[:, count:][:, columns]).max(1)
+            first = largest_in_rows(block.share(values[:, :count][:, columns]))
+            second = largest_in_rows(block.share(values[:, count:][:, columns]))
             on_grid = np.maximum(first, second)
             if Term.SDDD not in block.start:
                 # these rows hold in the middle, and where the next interval starts

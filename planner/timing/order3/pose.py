@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, largest_in_rows
 from planner.limits.limit import Term
 from planner.timing.order3.stages import Rows, Stages, sum_costs
 from planner.timing.problem import Block, Problem
@@ -181,7 +181,7 @@ def jerk_share(problem: Problem, unit: float) -> Array:
     share = np.zeros(problem.intervals)
     for block in problem.blocks:
         if Term.SDDD in block.start:
-            np.maximum(share, np.abs(block.start[Term.SDDD]).max(1) * unit, out=share)
+            np.maximum(share, largest_in_rows(np.abs(block.start[Term.SDDD])) * unit, out=share)
     return share
 
 
