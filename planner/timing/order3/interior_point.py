@@ -120,8 +120,9 @@ MAX_REVISIONS = 5
 # nothing.
 FEW_CONSTRAINTS = 32
 # Room of inactive constraints below which they are activated: examined in every fourth iteration,
-# and at solutions for which bounds may be revised. An activation extends to stages around, 5 from near starts and 16 from far
-# ones, and to twice as many each time: with a constant number more solves fail.
+# and at solutions for which bounds may be revised. An activation extends to stages around, 5 from
+# near starts and 16 from far ones, and to twice as many each time: with a constant number more
+# solves fail.
 SHORT = 0.1
 EXAMINE_EACH = 4
 REACH = 5
