@@ -30,7 +30,7 @@ Other than in the paper,
 - step A-2 asks for E_μ ≤ κ_ε μ at the last μ, of `tolerance`, in place of E_0 ≤ ε_tol;
 - step A-3 is repeated in every iteration, not in the first one alone;
 - there are no second-order corrections, no δ_c and no restoration phase: after MAX_HALVINGS the
-  shortest step is taken;
+  shortest step is taken, and multipliers that diverge end the method;
 - the filter is emptied where the active constraints or their bounds change.
 """
 
@@ -63,7 +63,7 @@ from planner.timing.order3.pose import OBJECTIVE_SCALE, PosedStages
 from planner.timing.order3.riccati import Direction, NewtonSystem, Recursion, solve_newton
 from planner.timing.order3.stages import evaluate
 
-Status = Literal["solved", "loose", "slow", "not convex"]
+Status = Literal["solved", "loose", "slow", "diverged", "not convex"]
 Start = Literal["farther", "far", "rough", "finer", "near", "nearer"]
 TOLERANCE = 1e-7
 MAX_ITERATIONS = 200
@@ -111,6 +111,14 @@ LAST_DELTA = 1.0
 MAX_VIOLATION = 1e-6
 # Flat steps in a row after which rounding leaves nothing to gain.
 MAX_FLAT_STEPS = 8
+# Where constraints exclude each other, steps become ever shorter and multipliers diverge: after
+# MAX_SHORT_STEPS in a row below SHORT_STEP, z above MAX_MULTIPLIER says that a unit of a bound is
+# worth a million times the duration. In 4300 solves with a solution (evidence robustness and stops
+# of the circle) z then was 8e4 at most. Of 1500 without one, with 286 000 iterations, these rules
+# end 1120, and leave 121 000.
+MAX_SHORT_STEPS = 5
+SHORT_STEP = 1e-4
+MAX_MULTIPLIER = 1e9
 # Bounds are revised at the first solution for a μ up to EARLY_MU, from where that takes few
 # iterations, and then with each solution for the last μ. Two early revisions take fewer iterations
 # in long splines, but lower rooms too much at ends that are passed.
@@ -169,6 +177,8 @@ def minimise(
             return method.result("solved")
         if method.iterations == MAX_ITERATIONS or method.flat_steps >= MAX_FLAT_STEPS:
             return method.result("loose" if method.violation(error) <= MAX_VIOLATION else "slow")
+        if method.has_diverged:
+            return method.result("diverged")
         method.iterations += 1
         method.lower_barrier(error)  # A-3
         if not method.find_direction():  # A-4
@@ -222,7 +232,8 @@ class _Method:
         self.multipliers = EqualityMultipliers.allocate(count)
         self.filter = Filter()
         self.last_delta = self.delta = 0.0
-        self.flat_steps = self.revisions = self.iterations = 0
+        self.flat_steps = self.short_steps = 0
+        self.revisions = self.iterations = 0
         self.reach = REACH if start in NEAR_STARTS else FAR_REACH
         self._examine(posed.states, posed.controls)
         self.mask = self.room < np.inf
@@ -301,6 +312,11 @@ class _Method:
         """Return whether the problem is solved (step A-2), by the error at the last μ."""
         is_exact = error.primal <= RESIDUAL_SHARE * self.tolerance
         return self.mu <= self.tolerance and is_exact and self._converged(error)
+
+    @property
+    def has_diverged(self) -> bool:
+        """True if the constraints seem to exclude each other."""
+        return self.short_steps >= MAX_SHORT_STEPS and self.point.z.max() > MAX_MULTIPLIER
 
     def violation(self, error: OptimalityError) -> float:
         """Return the largest residual, of all rows too."""
@@ -384,6 +400,7 @@ class _Method:
         ray = Ray(self.program, self.point, self.merit, self.direction, limits, self.mu)
         self.flat_steps = self.flat_steps + 1 if ray.is_flat else 0
         alpha, self.merit = search(ray, self.filter, self.trial)
+        self.short_steps = self.short_steps + 1 if alpha < SHORT_STEP else 0
         # A-6: accept the trial point; z is shared by both
         self.point, self.trial = self.trial, self.point
         step_multipliers(self.point, self.direction, limits.alpha_z, self.mu)

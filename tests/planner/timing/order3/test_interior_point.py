@@ -5,6 +5,7 @@ compiler.
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -123,6 +124,28 @@ def test_a_verdict_is_that_of_the_motion_it_comes_with(monkeypatch):
                 evaluate(stages, rows, answer.states, answer.controls, values)
                 assert np.maximum(rows.low - values, values - rows.high).max() <= loose
     assert set(verdicts) == {"slow", "loose", "solved"}
+
+
+@pytest.mark.parametrize(
+    ("share", "status"),
+    [(0.9, "solved"), (0.99, "solved"), (1.01, "diverged"), (1.5, "diverged")],
+)
+def test_where_rows_exclude_each_other_multipliers_diverge(share, status):
+    """Within x the largest speed from which jerk j leads to rest, from s̈ = 0, is ∛(j x²)."""
+    j = 10.0
+    path = CubicSpline([0.0, 1.0], [[0.0], [1.0]])
+    problem, guess = make_problem(path, [10.0], [1e3], [j])
+    speed = share * np.cbrt(j)
+    problem = replace(problem, ends=(EndCondition(speed), problem.ends[1]))
+    left = 1 - problem.s
+    guess[0] = speed * left[:-1] ** (2 / 3)
+    guess[3] = np.diff(problem.s) / (speed * ((left[1:] + left[:-1]) / 2) ** (2 / 3))
+    guess[1] = np.diff(guess[0], append=0.0) / guess[3]
+    guess[2] = 0.0
+    for start in interior_point.FAR_STARTS:
+        solution = interior_point.minimise(pose_stages(problem, guess), start)
+        assert solution.status == status
+        assert solution.iterations < 100
 
 
 @pytest.mark.parametrize("near", [0.5, 1e-3])
