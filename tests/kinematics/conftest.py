@@ -53,8 +53,7 @@ HEXAPODS = {
     "table 4.3": table_4_3,
     "mini tetra": lambda: published_hexapod("mini_tetra"),
     "rubin": lambda: published_hexapod("rubin_simulink"),
-    "irregular 1": lambda: irregular(1),
-    "irregular 2": lambda: irregular(2),
+    "irregular": lambda: irregular(1),
 }
 # Machines with singularities a way off home that every pose has lengths for, however far away it
 # is.

@@ -56,7 +56,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, merge_rising
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import add_article, count_noun
 from kinematics.foundation.options import option
@@ -257,7 +257,7 @@ class KmitlByte:
                 f"byte: machine {source.machine.name} has {count_noun(len(axes), 'axis')}; a byte "
                 f"holds {MAX_AXES} at most"
             )
-        ticks = np.unique(np.concatenate([axis.ticks for axis in pulses]))
+        ticks = merge_rising(*(axis.ticks for axis in pulses))
         steps = np.zeros(len(ticks), np.uint8)
         for k, (axis, driven) in enumerate(zip(pulses, axes, strict=True)):
             back = axis.direction != driven.direction

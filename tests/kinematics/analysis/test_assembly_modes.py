@@ -46,34 +46,27 @@ def dietmaier(published):
     ), data
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_all_forty_of_dietmaier(dietmaier, seed):
+def test_all_forty_of_dietmaier_whatever_the_seed(dietmaier):
     machine, data = dietmaier
-    modes = assembly_modes(machine, data["lengths"], seed=seed)
-    assert len(modes) == data["real_modes"]
-    check(machine, data["lengths"], modes)
-    offset = np.abs(modes.translation - data["one_position"]).max(1)
+    one, other = (assembly_modes(machine, data["lengths"], seed=seed) for seed in (0, 1))
+    assert len(one) == len(other) == data["real_modes"]
+    assert apart(one, other).min(1).max() < SAME
+    check(machine, data["lengths"], one)
+    offset = np.abs(one.translation - data["one_position"]).max(1)
     assert offset.min() < 1e-9  # as printed
-    row = modes[int(offset.argmin())].rotation.as_matrix()[0]
+    row = one[int(offset.argmin())].rotation.as_matrix()[0]
     assert row == pytest.approx(data["one_rotation_row_1"], rel=0, abs=1e-6)  # printed to 1e-6
 
 
-def test_seeds_agree(dietmaier):
-    machine, data = dietmaier
-    one, other = (assembly_modes(machine, data["lengths"], seed=seed) for seed in (0, 1))
-    assert apart(one, other).min(1).max() < SAME
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_newton_from_anywhere_finds_no_other(seed):
+def test_newton_from_anywhere_finds_no_other():
     """1000 starts over all orientations and the whole reach of a leg; and the pose whose lengths
     they are is listed.
     """
-    machine = random_machine(seed)
+    machine = random_machine(0)
     q, modes = machine.home_q, machine.assembly_modes(machine.home_q)
     check(machine, q, modes)
     assert apart(modes, RigidTransform.concatenate([machine.home])).min() < SAME
-    random = np.random.default_rng(seed + 100)
+    random = np.random.default_rng(100)
     turns = Rotation.random(1000, rng=random)
     along = random.normal(size=(1000, 3))
     along *= q[0] / np.linalg.norm(along, axis=1)[:, None]
@@ -129,7 +122,7 @@ def test_the_preset_has_its_mirror_images(preset, poses_about):
     """Coplanar joints: every mode above the base has one below with the same lengths."""
     plane, top = preset.base[0, 2], preset.platform[0, 2]
     mirror = np.diag([1.0, 1.0, -1.0])
-    for pose in poses_about(preset.home, preset, 3, 0.2):
+    for pose in poses_about(preset.home, preset, 2, 0.2):
         q = preset.inverse(pose)
         modes = preset.assembly_modes(q)
         check(preset, q, modes)
@@ -142,13 +135,11 @@ def test_the_preset_has_its_mirror_images(preset, poses_about):
 
 def test_of_every_hexapod_the_pose_is_listed(any_hexapod, poses_about):
     """Joints in one place, frames anywhere, platforms that hang."""
-    for pose in poses_about(any_hexapod.home, any_hexapod, 3, 0.2):
-        q = any_hexapod.inverse(pose)
-        modes = any_hexapod.assembly_modes(q)
-        check(any_hexapod, q, modes)
-        assert apart(modes, RigidTransform.concatenate([pose])).min() < SAME * max(
-            1, any_hexapod.home_q.max()
-        )
+    poses = poses_about(any_hexapod.home, any_hexapod, 1, 0.2)
+    q = any_hexapod.inverse(poses[0])
+    modes = any_hexapod.assembly_modes(q)
+    check(any_hexapod, q, modes)
+    assert apart(modes, poses).min() < SAME * max(1, any_hexapod.home_q.max())
 
 
 def test_a_singular_pose_is_listed(preset):

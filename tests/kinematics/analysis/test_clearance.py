@@ -65,7 +65,7 @@ few = arrays(float, (4, 3), elements=st.integers(-2, 2).map(float))
 many = arrays(float, (4, 3), elements=st.floats(-2, 2, allow_subnormal=False))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(few | many)
 def test_segments(ends):
     p0, p1, q0, q1 = ends
@@ -101,7 +101,7 @@ def test_segments_of_known_distance(ends, distance):
     )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(few | many, st.sampled_from([0.0, 0.5, 2.0]), st.floats(0.1, 2))
 def test_segments_and_discs(ends, thickness, radius):
     start, end, centre, normal = ends

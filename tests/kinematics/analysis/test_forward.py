@@ -19,20 +19,20 @@ EXACT = 1e-12
 
 
 def test_forward_undoes_inverse_on_the_machine(machine, poses_about, distance, scaled_jacobian):
-    """Thousands of poses about home, in one batch."""
-    poses = poses_about(machine.home, machine, 2000, 0.15)
+    """Hundreds of poses about home, in one batch."""
+    poses = poses_about(machine.home, machine, 500, 0.15)
     found = machine.forward(machine.inverse(poses))
     # ten units in the last place of a length, through the least singular value
     least = np.linalg.svd(scaled_jacobian(machine, poses), compute_uv=False)[:, -1].min()
     tolerance = max(EXACT, 1e-15 * np.abs(machine.home_q).max() / least * 10)
     assert distance(found.pose, poses) < tolerance
     assert found.certified.all()
-    assert found.residual.shape == (2000,)
+    assert found.residual.shape == (500,)
 
 
 def test_forward_undoes_inverse_everywhere_in_the_travel(preset, distance):
     random = np.random.default_rng(5)
-    count = 20_000
+    count = 5_000
     poses = RigidTransform.from_components(
         random.uniform(-1, 1, (count, 3)) * [0.05, 0.05, 0.03]
         + preset.home.translation
@@ -40,7 +40,7 @@ def test_forward_undoes_inverse_everywhere_in_the_travel(preset, distance):
         Rotation.from_rotvec(random.uniform(-0.2, 0.2, (count, 3))),
     )
     poses = poses[preset.check(poses).ok]
-    assert len(poses) > 3000
+    assert len(poses) > 750
     found = preset.forward(preset.inverse(poses))
     assert distance(found.pose, poses) < EXACT
     assert found.certified.all()

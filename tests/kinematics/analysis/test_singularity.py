@@ -30,7 +30,7 @@ def sampled(scaled_jacobian):
     of J met (N,).
     """
 
-    def make(machine, start, end, count=257):
+    def make(machine, start, end, count=129):
         jacobians = np.stack(
             [scaled_jacobian(machine, poses) for poses in along(start, end, count)]
         )
@@ -41,12 +41,12 @@ def sampled(scaled_jacobian):
 
 
 def test_cells_that_are_proved_hold_no_singularity(legged, poses_about, scaled_jacobian):
-    """Of any width, by themselves: det J at 33 instants of each.
+    """Of any width, by themselves: det J at 17 instants of each.
 
     Every term of the proof is needed for that.
     """
     machine = legged
-    count, random = 3000, np.random.default_rng(14)
+    count, random = 1000, np.random.default_rng(14)
     start, end = (poses_about(machine.home, machine, count, 2.0, seed) for seed in (4, 5))
     width = 2.0 ** random.uniform(-6, 0, count)
     low = random.uniform(0, 1 - width)
@@ -59,7 +59,7 @@ def test_cells_that_are_proved_hold_no_singularity(legged, poses_about, scaled_j
     )
     turn = (start.rotation.inv() * end.rotation).as_rotvec()
     signs = []
-    for share in (low + u * width for u in np.linspace(0, 1, 33)):
+    for share in (low + u * width for u in np.linspace(0, 1, 17)):
         shift = share[:, None] * (end.translation - start.translation)
         rotation = start.rotation * Rotation.from_rotvec(share[:, None] * turn)
         pose = RigidTransform.from_components(start.translation + shift, rotation)
@@ -68,18 +68,18 @@ def test_cells_that_are_proved_hold_no_singularity(legged, poses_about, scaled_j
     proved = size < 1
     assert not proved[crosses].any()
     assert centre[proved].all()
-    assert min(proved.sum(), crosses.sum()) > 100
+    assert min(proved.sum(), crosses.sum()) > 30
 
 
 @pytest.mark.parametrize(("shift", "turn"), [(0.7, 0.3), (2.0, 0.8), (3.0, 3.0)])
 def test_motions_that_cross_a_singularity_are_never_certified(
     legged, poses_about, sampled, shift, turn
 ):
-    """Against det J at 257 poses of each motion; those that keep well away from zero are all
+    """Against det J at 129 poses of each motion; those that keep well away from zero are all
     proved.
     """
     machine = legged
-    start, end = (poses_about(machine.home, machine, 30, (shift, turn), seed) for seed in (11, 12))
+    start, end = (poses_about(machine.home, machine, 20, (shift, turn), seed) for seed in (11, 12))
     crosses, least = sampled(machine, start, end)
     proved = prove_regular(machine, start, end)
     assert crosses.any() or shift < 1

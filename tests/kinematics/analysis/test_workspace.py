@@ -84,7 +84,7 @@ def test_every_point_of_a_proved_cell_is_inside(reaches):
         assert reach.proved.sum() > 30
         low, high = cells_of(reach, reach.proved)
         for share in (
-            random.uniform(size=(20_000 // len(low), len(low), 3)),
+            random.uniform(size=(5_000 // len(low), len(low), 3)),
             random.integers(0, 2, (8, len(low), 3)),
         ):
             points = (low + share * (high - low)).reshape(-1, 3)

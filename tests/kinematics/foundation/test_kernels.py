@@ -2,16 +2,20 @@
 compiled.
 """
 
+import importlib
 import os
 import subprocess
 import sys
+from collections import Counter
+from functools import cache
 
 import casadi as ca
-import numba  # noqa: F401  # tapes serve where the compiler is loaded
+import numba  # tapes serve where the compiler is loaded
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba.core import event
 
 from kinematics.foundation import casadi_function, kernels
 from kinematics.foundation.casadi_function import FEW_CELLS, Expression, enclose_without_compiler
@@ -226,9 +230,6 @@ def test_large_batches_give_the_values_of_small_ones():
 
 
 TINY = """
-import os, sys, threading, time
-import numpy as np
-from kinematics.foundation import kernels
 from kinematics.foundation.kernels import Floats1, kernel
 
 @kernel
@@ -250,128 +251,147 @@ def scale_thrice(x: Floats1) -> float:
 """
 """A module with three kernels, of which two call the first."""
 
-RUN = """
-import tiny
-x = np.ones(2)
-print(tiny.scale_twice(x), *x, sum(tiny.scale_twice.compiled.stats.cache_hits.values()))
-"""
+SCALED = 6.0, 3.0, 3.0
 
 
 @pytest.fixture
-def tiny(tmp_path):
-    """Runs code with two small kernels in a new process, with an own folder for machine code."""
+def load_tiny(tmp_path, monkeypatch):
+    """Import the small kernels anew, as a new process does, with a folder of its own for machine
+    code.
+    """
     (tmp_path / "tiny.py").write_text(TINY)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "stored"))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 0)
+    monkeypatch.setattr(kernels, "find_folder", kernels.find_folder.__wrapped__)
+    monkeypatch.setattr(kernels, "_LOST", [])
+    for report in ("_announce", "_report_lost"):
+        monkeypatch.setattr(kernels, report, cache(getattr(kernels, report).__wrapped__))
 
-    def call(code=RUN, timeout=60):
-        roots = os.pathsep.join([str(tmp_path), os.getcwd()])  # noqa: PTH109
-        environment = os.environ | {
-            "PYTHONPATH": roots,
-            "NUMBA_CACHE_DIR": str(tmp_path / "stored"),
-            "PYTHONDONTWRITEBYTECODE": "1",
-        }
-        environment.pop("NUMBA_DISABLE_JIT", None)
-        start = "import os, sys, threading, time\nimport numpy as np\nfrom kinematics.foundation import kernels\n"
-        return subprocess.run(
-            [sys.executable, "-c", start + code],
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            check=True,
+    def load():
+        forget_tiny()
+        return importlib.import_module("tiny")
+
+    yield load
+    forget_tiny()
+
+
+def forget_tiny():
+    for name in ("tiny", "base"):
+        sys.modules.pop(name, None)
+
+
+def call_twice(tiny):
+    """Return what `scale_twice` returns, and what it makes of its array."""
+    x = np.ones(2)
+    total = tiny.scale_twice(x)
+    return total, *x
+
+
+def count_loaded(tiny):
+    """Count the signatures of `scale_twice` that came from disk."""
+    return sum(tiny.scale_twice.compiled.stats.cache_hits.values())
+
+
+@pytest.fixture
+def run_tiny(tmp_path):
+    """Run code with the small kernels in a process, with a folder of its own for machine code."""
+    (tmp_path / "tiny.py").write_text(TINY)
+    roots = os.pathsep.join([str(tmp_path), os.getcwd()])  # noqa: PTH109
+    environment = os.environ | {
+        "PYTHONPATH": roots,
+        "NUMBA_CACHE_DIR": str(tmp_path / "stored"),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    environment.pop("NUMBA_DISABLE_JIT", None)
+
+    def start(code):
+        code = "import os, sys, threading, time\nimport numpy as np, tiny\n" + code
+        return subprocess.Popen(
+            [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True
         )
 
-    return call
+    return start
 
 
 def stored(folder, suffix):
     return sorted((folder / "stored").rglob(f"*{suffix}"))
 
 
-def test_a_kernel_is_stored_and_contains_those_that_it_calls(tiny, tmp_path):
-    assert [tiny().stdout for _ in range(2)] == ["6.0 3.0 3.0 0\n", "6.0 3.0 3.0 1\n"]
+def test_a_kernel_is_stored_and_contains_those_that_it_calls(load_tiny, tmp_path):
+    for loaded in (0, 1):
+        tiny = load_tiny()
+        assert call_twice(tiny) == SCALED
+        assert count_loaded(tiny) == loaded
     names = [path.name.partition("-")[0] for path in stored(tmp_path, ".nbc")]
     assert names == ["tiny.scale_twice"]
 
 
-def test_a_change_of_a_callee_in_another_file_is_seen(tiny, tmp_path):
+def test_a_change_of_a_callee_in_another_file_is_seen(load_tiny, tmp_path):
     """numba alone looks at the file of the kernel that is called."""
     base, caller = TINY.split("@kernel\ndef scale_twice")
     head = "from kinematics.foundation.kernels import Floats1, kernel\nfrom base import scale\n\n"
     (tmp_path / "tiny.py").write_text(f"{head}@kernel\ndef scale_twice{caller}")
-    results = []
     changed = base.replace("total = 0.0", "total = 1.0")
+    results = []
     for text, runs in ((base, 1), (changed, 2), (base, 1)):
         (tmp_path / "base.py").write_text(text)
-        results += [tiny().stdout for _ in range(runs)]
-    old, new = "6.0 3.0 3.0", "7.0 3.0 3.0"
-    assert results == [
-        f"{old} 0\n",
-        f"{new} 0\n",
-        f"{new} 1\n",
-        f"{old} 1\n",
-    ]
+        for _ in range(runs):
+            tiny = load_tiny()
+            results.append((*call_twice(tiny), count_loaded(tiny)))
+    new = 7.0, 3.0, 3.0
+    assert results == [(*SCALED, 0), (*new, 0), (*new, 1), (*SCALED, 1)]
 
 
-def test_another_setting_of_the_compiler_uses_another_folder(tiny):
-    other = "os.environ['NUMBA_OPT'] = '1'\n" + RUN
-    assert [tiny(code).stdout.split()[-1] for code in (RUN, other)] == ["0", "0"]
+def test_another_setting_of_the_compiler_uses_another_folder(load_tiny, monkeypatch):
+    folder = kernels.find_kernel_folder(load_tiny().scale)
+    assert folder == kernels.find_kernel_folder(load_tiny().scale)
+    monkeypatch.setenv("NUMBA_OPT", "1")
+    assert folder != kernels.find_kernel_folder(load_tiny().scale)
 
 
-RELOAD = """
-import importlib
-from pathlib import Path
-import tiny
-
-def load():
-    importlib.reload(tiny)
-    x = np.ones(2)
-    total = tiny.scale_twice(x)
-    return total, *x, sum(tiny.scale_twice.compiled.stats.cache_hits.values())
-
-load()
-for suffix in ("nbi", "nbc"):
-    for length in (0, 40, -1):
-        (path,) = Path(os.environ["NUMBA_CACHE_DIR"]).rglob(f"*scale_twice-*.{suffix}")
-        path.write_bytes(path.read_bytes()[:length])
-        print(*load(), *load())
-"""
-"""Loads the kernels from files that were cut off, each time twice."""
+def test_a_damaged_file_is_replaced(load_tiny, tmp_path):
+    """Files that were cut off, each of which is loaded twice."""
+    call_twice(load_tiny())
+    for suffix in ("nbi", "nbc"):
+        for length in (0, 40, -1):
+            (path,) = stored(tmp_path, suffix)
+            path.write_bytes(path.read_bytes()[:length])
+            for loaded in (0, 1):
+                tiny = load_tiny()
+                assert call_twice(tiny) == SCALED
+                assert count_loaded(tiny) == loaded
 
 
-def test_a_damaged_file_is_replaced(tiny):
-    compiled_then_loaded = "6.0 3.0 3.0 0 6.0 3.0 3.0 1"
-    assert tiny(RELOAD).stdout.splitlines() == [compiled_then_loaded] * 6
+def test_a_full_disk_loses_what_was_compiled_and_reports_it(load_tiny, monkeypatch, caplog):
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    tiny = load_tiny()
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", fail)
+        assert call_twice(tiny) == SCALED
+    assert count_loaded(tiny) == 0
+    assert caplog.text.count("No space left") == 1
+    assert "NUMBA_CACHE_DIR" in caplog.text
 
 
-FULL = """
-import numba.core.caching
-def fail(*_): raise OSError(28, "No space left on device")
-numba.core.caching.os.replace = fail
-"""
-
-
-def test_a_full_disk_loses_what_was_compiled_and_reports_it(tiny):
-    done = tiny(FULL + "kernels.PATIENCE = 99\n" + RUN)
-    assert done.stdout == "6.0 3.0 3.0 0\n"
-    assert done.stderr.count("No space left") == 1
-    assert "NUMBA_CACHE_DIR" in done.stderr
-
-
-def test_a_folder_that_cannot_be_written_is_left_alone(tiny, tmp_path):
+def test_a_folder_that_cannot_be_written_is_left_alone(load_tiny, tmp_path, monkeypatch, caplog):
     """Also where numba would then store beside the source, whatever callees there were."""
     (tmp_path / "stored").write_text("a file")
-    slow = "kernels.PATIENCE = 0.0\n"
-    done = tiny(slow + RUN)
-    assert done.stdout == "6.0 3.0 3.0 0\n"
-    assert "every run" in done.stderr
-    assert "NUMBA_CACHE_DIR" in done.stderr
+    monkeypatch.setattr(kernels, "PATIENCE", 0.0)
+    monkeypatch.setattr(kernels, "LOOK", 0.001)
+    assert call_twice(load_tiny()) == SCALED
+    assert "every run" in caplog.text
+    assert "NUMBA_CACHE_DIR" in caplog.text
     assert not list(tmp_path.rglob("*.nbi"))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork there")
-def test_a_fork_waits_for_the_compiler(tiny):
+def test_a_fork_waits_for_the_compiler(run_tiny):
     code = """
-import numba, tiny
+import numba
 thread = threading.Thread(target=tiny.scale_twice, args=(np.ones(1),))
 thread.start()
 time.sleep(0.02)
@@ -381,44 +401,33 @@ if child == 0:
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 thread.join()
 """
-    assert tiny(code).stdout == "6\n"
+    assert run_tiny(code).communicate()[0] == "6\n"
 
 
-def test_processes_that_store_at_once_agree(tiny, tmp_path):
-    code = (
-        "import subprocess\n"
-        + """
-runs = [subprocess.Popen([sys.executable, '-c', 'import numpy as np, tiny; print(tiny.scale_twice(np.ones(2)))'],
-        stdout=subprocess.PIPE, text=True) for _ in range(2)]
-print([run.communicate()[0] for run in runs])
-"""
-    )
-    assert tiny(code).stdout == "['6.0\\n', '6.0\\n']\n"
+def test_processes_that_store_at_once_agree(run_tiny, load_tiny, tmp_path):
+    runs = [run_tiny("print(tiny.scale_twice(np.ones(2)))") for _ in range(2)]
+    assert [run.communicate()[0] for run in runs] == ["6.0\n", "6.0\n"]
     assert len(stored(tmp_path, ".nbc")) == 1
-    assert tiny().stdout == "6.0 3.0 3.0 1\n"
+    tiny = load_tiny()
+    assert call_twice(tiny) == SCALED
+    assert count_loaded(tiny) == 1
 
 
-def test_arrays_of_another_type_are_copied_and_written_back_or_refused(tiny):
-    code = """
-import tiny
-wide, whole, fixed = np.ones((2, 2)), np.ones(2, int), np.ones(2)
-fixed.flags.writeable = False
-print(tiny.scale(wide[:, 0], 3), *wide.ravel(), tiny.scale(whole, 2.0), *whole, tiny.scale(fixed, 2.0), *fixed)
-print(len(tiny.scale.compiled.signatures))
-for refused in (wide, np.ones(2, complex), [1.0, 2.0]):
-    try:
-        tiny.scale(refused, 2.0)
-    except TypeError as error:
-        print(error)
-"""
-    lines = tiny(code).stdout.splitlines()
-    assert lines[0] == "6.0 3.0 1.0 3.0 1.0 4.0 2 2 4.0 1.0 1.0"
-    assert lines[1:] == [
-        "1",
-        "a kernel takes an array of 1 dimensions, not 2",
-        "a kernel takes an array of float64, not complex128",
-        "a kernel takes an array of float64, not <class 'list'>",
-    ]
+def test_arrays_of_another_type_are_copied_and_written_back_or_refused(load_tiny):
+    scale = load_tiny().scale
+    wide, whole, fixed = np.ones((2, 2)), np.ones(2, int), np.ones(2)
+    fixed.flags.writeable = False
+    assert (scale(wide[:, 0], 3), *wide.ravel()) == (6, 3, 1, 3, 1)
+    assert (scale(whole, 2.0), *whole) == (4, 2, 2)
+    assert (scale(fixed, 2.0), *fixed) == (4, 1, 1)
+    assert len(scale.compiled.signatures) == 1
+    for refused, reason in (
+        (wide, "of 1 dimensions, not 2"),
+        (np.ones(2, complex), "of float64, not complex128"),
+        ([1.0, 2.0], "of float64, not <class 'list'>"),
+    ):
+        with pytest.raises(TypeError, match=f"^a kernel takes an array {reason}$"):
+            scale(refused, 2.0)
 
 
 def test_nothing_is_stored_for_a_user_without_a_home_directory(monkeypatch):
@@ -433,29 +442,39 @@ def test_nothing_is_stored_for_a_user_without_a_home_directory(monkeypatch):
     assert kernels._LOST == ["Could not determine home directory."]
 
 
-def test_a_kernel_runs_as_python_where_compiling_is_disabled(tiny):
-    code = "os.environ['NUMBA_DISABLE_JIT'] = '1'\nimport tiny\nx = np.ones(2)\nprint(tiny.scale_twice(x), *x)"
-    assert tiny(code).stdout == "6.0 3.0 3.0\n"
+def test_a_kernel_runs_as_python_where_compiling_is_disabled(load_tiny, monkeypatch):
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
+    tiny = load_tiny()
+    assert call_twice(tiny) == SCALED
+    assert tiny.scale_twice.compiled is tiny.scale_twice.function
 
 
-def test_little_work_does_not_load_the_compiler(tiny):
-    code = "import tiny\nprint(kernels.call_light(tiny.scale_twice, np.ones(2)), 'numba' in sys.modules)"
-    assert tiny(code).stdout == "6.0 False\n"
+def test_little_work_does_not_load_the_compiler(run_tiny):
+    code = "from kinematics.foundation.kernels import call_light\n"
+    code += "print(call_light(tiny.scale_twice, np.ones(2)), 'numba' in sys.modules)"
+    assert run_tiny(code).communicate()[0] == "6.0 False\n"
 
 
-def test_compiling_is_announced_once_and_loading_is_not(tiny):
-    code = (
-        "import tiny, numba\nkernels.PATIENCE = kernels.LOOK = 0.001\n" + RUN + "tiny.scale(x, 1.0)"
-    )
-    first, second = tiny(code), tiny(code)
-    assert first.stderr.count("compiling numerical kernels") == 1
-    assert (second.stdout, second.stderr) == ("6.0 3.0 3.0 1\n", "")
+def test_compiling_is_announced_once_and_loading_is_not(load_tiny, monkeypatch, caplog):
+    monkeypatch.setattr(kernels, "PATIENCE", 0.001)
+    monkeypatch.setattr(kernels, "LOOK", 0.001)
+    for announcements in (1, 0):
+        caplog.clear()
+        kernels._announce.cache_clear()
+        tiny = load_tiny()
+        tiny.scale_twice(np.ones(2))
+        tiny.scale(np.ones(2), 1.0)
+        assert caplog.text.count("compiling numerical kernels") == announcements
 
 
-def test_kernels_are_compiled_ahead(tiny):
-    code = "names = ['tiny:scale', 'tiny:scale_twice']\nfor _ in range(2):\n    "
-    code += "print(kernels.are_stored(names))\n    kernels.compile_kernels(names)\n"
-    assert [tiny(code).stdout.split() for _ in range(2)] == [["False", "True"], ["True", "True"]]
+def test_kernels_are_compiled_ahead(load_tiny):
+    names = ["tiny:scale", "tiny:scale_twice"]
+    for is_stored in (False, True):
+        tiny = load_tiny()
+        assert kernels.are_stored(names) == is_stored
+        kernels.compile_kernels(names)
+        assert kernels.are_stored(names)
+        assert count_loaded(tiny) == is_stored
 
 
 def test_a_process_that_another_started_leaves_the_announcement_to_it(monkeypatch, caplog):
@@ -467,10 +486,11 @@ def test_a_process_that_another_started_leaves_the_announcement_to_it(monkeypatc
     assert caplog.records == []
 
 
-def test_machine_code_of_a_few_states_of_a_kernel_is_retained(tiny, tmp_path):
+def test_machine_code_of_a_few_states_of_a_kernel_is_retained(load_tiny, tmp_path, monkeypatch):
+    monkeypatch.setattr(kernels, "MOST_FOLDERS", 1)
     for number in range(3):
         (tmp_path / "tiny.py").write_text(TINY + f"# {number}\n")
-        tiny("kernels.MOST_FOLDERS = 1\n" + RUN)
+        call_twice(load_tiny())
     assert len(stored(tmp_path, ".nbc")) == 2  # one, and the one that was compiled last
 
 
@@ -547,25 +567,18 @@ def test_a_plan_compiles_each_kernel_once():
     assert "planner.bounds.lower_bound:bound_cells" in names.split()
 
 
-COUNT = """
-from collections import Counter
-from numba.core import event
-import tiny
+def test_a_kernel_that_two_kernels_call_is_compiled_once(load_tiny):
+    compiled = Counter()
 
-compiled = Counter()
+    class Listener(event.Listener):
+        def on_start(self, event):
+            compiled[event.data["dispatcher"].py_func.__name__] += 1
 
-class Listener(event.Listener):
-    def on_start(self, event):
-        compiled[event.data["dispatcher"].py_func.__name__] += 1
+        def on_end(self, event):
+            pass
 
-    def on_end(self, event):
-        pass
-
-event.register("numba:compile", Listener())
-tiny.scale_twice(np.ones(2)), tiny.scale_thrice(np.ones(2)), tiny.scale_twice(np.ones(2))
-print(sorted(compiled.items()))
-"""
-
-
-def test_a_kernel_that_two_kernels_call_is_compiled_once(tiny):
-    assert tiny(COUNT).stdout == "[('scale', 1), ('scale_thrice', 1), ('scale_twice', 1)]\n"
+    tiny = load_tiny()
+    with event.install_listener("numba:compile", Listener()):
+        for kernel in (tiny.scale_twice, tiny.scale_thrice, tiny.scale_twice):
+            kernel(np.ones(2))
+    assert compiled == {"scale": 1, "scale_twice": 1, "scale_thrice": 1}

@@ -244,7 +244,7 @@ def assert_contains(series, truths):
 
 
 @pytest.mark.parametrize("name", EXACT)
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(data=st.data())
 def test_balls_contain_the_exact_coefficients_of_every_series_in_the_arguments(name, data):
     operation, exact, values, errors = EXACT[name]
@@ -259,7 +259,7 @@ def test_balls_contain_the_exact_coefficients_of_every_series_in_the_arguments(n
 
 
 @pytest.mark.parametrize("name", EXACT)
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(data=st.data())
 def test_thin_arguments_give_thin_results(name, data):
     """Order 5 takes some dozen roundings of 1.1e-16 on coefficients that these arguments keep below
@@ -416,7 +416,7 @@ def test_numbers_and_arrays_stand_on_either_side(a, b, number):
 
 
 @pytest.mark.parametrize("name", EXACT)
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(data=st.data())
 def test_entries_do_not_touch_each_other(name, data):
     """Every entry of an array of series gives what it gives alone; a series of one entry serves

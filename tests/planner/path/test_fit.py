@@ -74,8 +74,8 @@ def fit_pieces(program, machine):
 
 @pytest.fixture(scope="module")
 def fitted(hexapod):
-    """300 lines of a spiral, and what became of them; the programmed corners in the base frame."""
-    points = spiral(300)
+    """150 lines of a spiral, and what became of them; the programmed corners in the base frame."""
+    points = spiral(150)
     program = chain(points)
     corners = hexapod.home.apply(np.column_stack([points, np.full(len(points), HEIGHT)]))
     return program, corners, *fit_pieces(program, hexapod)
@@ -83,13 +83,13 @@ def fitted(hexapod):
 
 def test_short_lines_become_few_smooth_pieces_within_the_tolerance(hexapod, fitted):
     program, corners, parts, pieces = fitted
-    assert len(pieces) < 60
+    assert len(pieces) < 30
     assert all(piece.shape is STEADY_SPLINE for piece in pieces)
     proved = max(part.fitted.deviation for part in parts)
     apart = hausdorff(pieces, corners)  # of samples: about what it is
     assert 0.99 * apart <= proved <= TOLERANCE
     assert proved <= 1.3 * apart  # which is Hausdorff's, never more than Fréchet's
-    assert sum(part.fitted.before for part in parts) >= 300
+    assert sum(part.fitted.before for part in parts) >= 150
     for a, b in pairwise(pieces):
         ends = zip(
             a.derivatives(np.array([a.start + a.length])),
@@ -133,7 +133,7 @@ def test_a_fit_wrong_by_more_than_the_tolerance_is_caught(fitted):
     own = np.concatenate([ends[:1], corners[nearest[0] + 1 : nearest[1]], ends[1:]])
     given = [straight(*pair) for pair in pairwise(own)]
     rng = np.random.default_rng(17)
-    for _ in range(40):
+    for _ in range(20):
         k, way = int(rng.integers(len(pieces))), rng.normal(size=3)
         low, high = 0.0, 4 * TOLERANCE
         while high - low > 1e-4 * TOLERANCE:
@@ -333,7 +333,7 @@ def test_a_stream_is_read_no_farther_than_a_window(hexapod):
             yield Drawn([straight(np.array(a), np.array(b))], Fit(TOLERANCE), plain=True)
 
     done = 0
-    for part in islice(fit_chains(endless(), 0.1), 20):
+    for part in islice(fit_chains(endless(), 0.1), 10):
         done += part.fitted.before
         assert taken - done < 1600
     assert taken > 300

@@ -70,12 +70,6 @@ def test_collinear_waypoints_are_one_straight_line(spacing, speed):
     assert made.trajectory.duration == pytest.approx(one.trajectory.duration, rel=1e-4)
 
 
-def test_a_dense_sine_takes_no_longer_than_one_of_few_knots():
-    u = np.linspace(0, 1, 400)
-    made = pp.time_optimal(CubicSpline(u, np.c_[u, 0.05 * np.sin(2 * np.pi * u)]), **LIMITS)
-    assert made.trajectory.duration == pytest.approx(FASTEST, rel=1e-4)
-
-
 @pytest.mark.parametrize("jump", [1e-4, 1e-2, 1.0])
 def test_a_jump_of_the_curvature_is_a_corner_still(jump):
     """q = (s, b s²/2) with b larger by a share from the middle on: both sides of the middle to the

@@ -13,8 +13,7 @@ import pulsepath as pp
 LIMITS = {"max_speed": 1.0, "max_acceleration": 5.0, "max_jerk": 100.0}
 
 
-@pytest.mark.parametrize("count", [101, 100, 1001])
-@pytest.mark.parametrize("power", [3, 5])
+@pytest.mark.parametrize(("count", "power"), [(101, 3), (100, 5), (1001, 5)])
 def test_at_order_2_passing_a_place_of_no_motion_is_no_slower_than_a_rest_there(count, power):
     """Half a turn whose angle goes as (s − ½)ᵐ: on a knot, and between two.
 
@@ -49,7 +48,7 @@ def line(s):
     return np.c_[s, 0.5 * s]
 
 
-@pytest.mark.parametrize(("count", "pause"), [(20, 11), (100, 11), (500, 51)])
+@pytest.mark.parametrize(("count", "pause"), [(20, 11), (500, 51)])
 def test_a_pause_costs_little_more_than_a_rest(count, pause):
     """Two lines of ½ take 2 (½ + v/a + a/j) = 1.5 s; the spline swings about the pause, by less
     with more samples.
@@ -57,7 +56,7 @@ def test_a_pause_costs_little_more_than_a_rest(count, pause):
     begin = process_time()
     made = pp.time_optimal(record(line, count, pause), **LIMITS)
     assert made.certificate.holds
-    assert 1.25 < made.trajectory.duration < {20: 1.64, 100: 1.56, 500: 1.53}[count]
+    assert 1.25 < made.trajectory.duration < {20: 1.64, 500: 1.53}[count]
     assert process_time() - begin < 60  # it took minutes
 
 

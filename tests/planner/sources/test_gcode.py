@@ -589,8 +589,7 @@ def test_any_bytes_are_a_program_or_a_refusal(tmp_path_factory, data):
 
 
 def test_many_words_are_read_in_time(read):
-    """Twenty thousand lines, and a million words of other kinds: 2 s for 100 000 lines is 0.4 s for
-    20 000.
+    """Ten thousand lines, and many words of other kinds: 2 s for 100 000 lines is 0.2 s for 10 000.
 
     By the processor's time, the least of three, and half as much again, since others work on the
     same machine.
@@ -598,19 +597,19 @@ def test_many_words_are_read_in_time(read):
     rng = random.Random(2)
     lines = ["G21 F600 G1"] + [
         f"N{n} X{rng.uniform(-9, 9):.4f} Y{rng.uniform(-9, 9):.4f} Z{rng.random():.4f}"
-        for n in range(20_000)
+        for n in range(10_000)
     ]
     text = "\n".join(lines)
     took = []
     for _ in range(3):
         begin = time.process_time()
-        assert len(read(text).program.segments) == 20_000
+        assert len(read(text).program.segments) == 10_000
         took.append(time.process_time() - begin)
-        if took[-1] < 0.6:
+        if took[-1] < 0.3:
             break
-    assert min(took) < 0.6 or min(took) < 0.6 * slowness()
-    for words in ("X1" * 1_000_000, "\n".join(["X1 " * 300] * 3300), "(" * 1_000_000):
-        with cpu_limit(1.0), pytest.raises(FileError):
+    assert min(took) < 0.3 or min(took) < 0.3 * slowness()
+    for words in ("X1" * 500_000, "\n".join(["X1 " * 300] * 1650), "(" * 500_000):
+        with cpu_limit(0.5), pytest.raises(FileError):
             read(words)
 
 

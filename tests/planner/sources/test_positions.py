@@ -347,10 +347,8 @@ def test_its_port_bytes(circle, tmp_path):
                 for code in filter(None, (x, y, z)):
                     step[codes[code][0]] = codes[code][1]
                 sums[x + y + z] = step
-    steps, times = np.unique(
-        np.frombuffer((tmp_path / "steps.bin").read_bytes(), np.uint8), return_counts=True
-    )
-    counts = sum(int(n) * sums[int(byte)] for byte, n in zip(steps, times, strict=True))
+    times = np.bincount(np.fromfile(tmp_path / "steps.bin", np.uint8))
+    counts = sum(times[byte] * sums[byte] for byte in np.flatnonzero(times))
     assert counts.tolist() == [axis.final for axis in circle.pulses.axes]
 
 

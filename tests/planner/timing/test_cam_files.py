@@ -46,11 +46,12 @@ def write_file(tmp_path):
     return write
 
 
-# Fitted curves are timed like joined lines: fewer of them. All are tried by the case `cam_files`
-# of the evidence.
-FITTED = [("pocket", 18, 2), ("pocket", 18, 3), ("curve", 18, 2), ("curve", 18, 3)]
+# Order 2 is the easier one, and fitted curves are timed like joined lines: fewer of them. All are
+# tried by the case `cam_files` of the evidence.
+FITTED = [("pocket", 18, 2), ("curve", 18, 3)]
 CASES = [
-    *[(*sample, order, None) for sample in SAMPLES for order in (2, 3)],
+    *[(*sample, 3, None) for sample in SAMPLES],
+    *[(*sample, 2, None) for sample in SAMPLES[:2]],
     *[(*sample, FIT) for sample in FITTED],
 ]
 

@@ -115,7 +115,7 @@ def test_end_speeds_are_the_tool_s_on_splines_too(hexapod, order):
     assert made.certificate.holds
 
 
-@pytest.mark.parametrize(("seed", "asked"), [(99, (0.0, 0.1)), (99, (0.1, 0.1)), (1, (0.0, 0.2))])
+@pytest.mark.parametrize(("seed", "asked"), [(99, (0.1, 0.1)), (1, (0.0, 0.2))])
 def test_the_largest_end_speed_that_is_told_is_the_largest(seed, asked):
     """It does, 1.01 of it does not; and what is told does not depend on what was asked for."""
     path = CubicSpline(np.linspace(0, 1, 12), np.random.default_rng(seed).uniform(-1, 1, (12, 3)))

@@ -1,4 +1,4 @@
-"""Thirty seeded motions that cannot be: each refusal names what, whose, where, how much, and what
+"""Seeded motions that cannot be: each refusal names what, whose, where, how much, and what
 would make room.
 """
 
@@ -40,7 +40,7 @@ def named(no, kind, axes):
     assert no.remedy
 
 
-@pytest.mark.parametrize("seed", range(9))
+@pytest.mark.parametrize("seed", range(4))
 def test_beyond_travel(hexapod, seed):
     rng = np.random.default_rng(seed)
     program = Program([Line([*rng.uniform(-0.012, 0.012, 2), rng.uniform(0.06, 0.085)])])
@@ -51,7 +51,7 @@ def test_beyond_travel(hexapod, seed):
     assert check(program, machine(hexapod, STROKE * no.relaxation * 0.99)).violations
 
 
-@pytest.mark.parametrize("seed", range(9))
+@pytest.mark.parametrize("seed", range(4))
 def test_beyond_tilt(hexapod, seed):
     rng = np.random.default_rng(100 + seed)
     across = rng.uniform(0.045, 0.06) * np.array(
@@ -65,9 +65,7 @@ def test_beyond_tilt(hexapod, seed):
     assert check(program, machine(hexapod, 0.2, TILT * no.relaxation * 0.99)).violations
 
 
-@pytest.mark.parametrize(
-    ("seed", "order"), [*((seed, 2) for seed in range(9)), *((seed, 3) for seed in range(3))]
-)
+@pytest.mark.parametrize(("seed", "order"), [*((seed, 2) for seed in range(6)), (0, 3), (1, 3)])
 def test_too_fast_at_an_end(seed, order):
     """A speed beyond what a random curve, or the way to its other end, allows."""
     rng = np.random.default_rng(200 + seed)

@@ -28,7 +28,7 @@ def test_random_problems_are_solved_and_certified(order, seeds):
     assert all(methods for _, methods in answers)
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1e3, 1e6])
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
 @pytest.mark.parametrize(("order", "seed", "exact"), [(2, 2, 1e-9), (2, 5, 1e-9), (3, 4, 1e-6)])
 def test_scaled_problems_take_scaled_times(order, seed, exact, scale):
     """Other lengths leave a duration as it is, within rounding at order 2 and the solver's
@@ -192,8 +192,7 @@ def test_what_peaks_a_little_between_grid_points_is_not_slowed(seed, duration):
     assert found.trajectory.duration < duration
 
 
-@pytest.mark.parametrize("order", [2, 3])
-@pytest.mark.parametrize("seed", [0, 1, 3, 5, 10])
+@pytest.mark.parametrize(("seed", "order"), [(0, 2), (5, 2), (1, 3), (3, 3), (10, 3)])
 def test_ratios_of_ten_thousand_within_a_program(seed, order):
     """Lengths, feeds and limits differ by up to 10 000: certified, and as quick as the classical
     timing.

@@ -90,9 +90,7 @@ def test_the_calls_replayed_stay_as_near_to_the_motion_as_is_said(source, tmp_pa
     assert "8 ms" in done.notes[0] or "16 ms" in done.notes[0] or "4 ms" in done.notes[0]
 
 
-@pytest.mark.parametrize(
-    "options", [{}, {"spacing": 0.013}, {"spacing": 0.05}, {"speed_range": 2e5}]
-)
+@pytest.mark.parametrize("options", [{}, {"spacing": 0.05}, {"speed_range": 2e5}])
 def test_the_stated_error_is_never_passed_and_reached(source, tmp_path, options):
     """Looked at every 4 µs around where a coarse look finds it largest: there a parabola of the
     fastest leg's bend, some 1e5 pulses/s², is 2e-7 pulse deep; and just before every call, where
@@ -108,7 +106,7 @@ def test_the_stated_error_is_never_passed_and_reached(source, tmp_path, options)
         away = abs(replay(own, coarse) - motion(source, k, coarse))
         corners = np.array([row[0] for row in own]) - 1e-9
         worst = max(worst, abs(replay(own, corners) - motion(source, k, corners)).max())
-        for peak in coarse[np.argsort(away)[-30:]]:
+        for peak in coarse[np.argsort(away)[-15:]]:
             t = np.append(
                 coarse[coarse < peak - 5e-4][::40],
                 np.linspace(max(peak - 5e-4, 0), peak + 5e-4, 251),

@@ -297,26 +297,22 @@ def test_multipliers_that_overflow_leave_the_step_of_the_penalty():
     assert (recursion.p == before).all()
 
 
-PLAIN = """
-import sys
-from tests.planner.timing.order3.test_interior_point import make_problem, spline
-from planner.timing.order3.pose import pose_stages
-from planner.timing.order3 import interior_point
-interior_point.MAX_ITERATIONS = 2
-problem, guess = make_problem(spline(1, 1), [1.0], [3.0], [30.0])
-solution = interior_point.minimise(pose_stages(problem, guess))
-print(repr(float(solution.states.sum())), repr(float(solution.high_multipliers.sum())), "numba" in sys.modules)
-"""
+def iterate_twice():
+    """Return the sums of states and multipliers after two iterations."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(interior_point, "MAX_ITERATIONS", 2)
+        problem, guess = make_problem(spline(1, 1), [1.0], [3.0], [30.0])
+        solution = interior_point.minimise(pose_stages(problem, guess))
+    return float(solution.states.sum()), float(solution.high_multipliers.sum())
 
 
 def test_the_same_source_runs_without_a_compiler():
-    # a value of "0" would name another folder of compiled kernels, and compile them again
-    with_compiler = dict(os.environ)
-    with_compiler.pop("NUMBA_DISABLE_JIT", None)
-    without = {**with_compiler, "NUMBA_DISABLE_JIT": "1"}
-    sums = []
-    for environment in (with_compiler, without):
-        code = [sys.executable, "-c", PLAIN]
-        done = subprocess.run(code, capture_output=True, text=True, check=True, env=environment)
-        sums.append([float(word) for word in done.stdout.split()[:2]])
-    assert sums[0] == pytest.approx(sums[1], rel=1e-9)
+    code = f"from {__name__} import iterate_twice; print(*iterate_twice())"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+    )
+    assert [float(word) for word in done.stdout.split()] == pytest.approx(iterate_twice(), rel=1e-9)
