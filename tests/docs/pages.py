@@ -24,8 +24,10 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
+import pytest
 from click.testing import CliRunner
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -125,6 +127,10 @@ def console(where: str, text: str, background: contextlib.ExitStack) -> None:
 
 def call(words: list[str]) -> tuple[int, str, str]:
     """Exit code and what is printed by a command; without a process of its own, if it is Python."""
+    if words[0] == "printf" and words[2:4] == ["|", "pulsepath"]:
+        text, tolerated = words[1].encode().decode("unicode_escape"), words[-2:] == ["||", "true"]
+        code, *output = piped(text, words[4:-2] if tolerated else words[4:])
+        return (0 if tolerated else code, *output)
     if words[0] == "pulsepath":
         return pulsepath(words)
     is_script = words[0] == "python" and words[1].endswith(".py")
@@ -136,6 +142,30 @@ def pulsepath(words: list[str]) -> tuple[int, str, str]:
 
     done = CliRunner().invoke(main, words[1:], prog_name="pulsepath")
     return done.exit_code, done.stdout, PROGRESS.sub("", done.stderr)
+
+
+def piped(text: str, words: list[str]) -> tuple[int, str, str]:
+    """Run the command with a text as its standard input; both ends are files, as a console asks
+    for.
+    """
+    from pulsepath.cli import main
+
+    complained, code = io.StringIO(), 0
+    with TemporaryFile("w+") as typed, TemporaryFile("w+") as printed:
+        typed.write(text)
+        typed.seek(0)
+        with (
+            pytest.MonkeyPatch.context() as patch,
+            contextlib.redirect_stdout(printed),
+            contextlib.redirect_stderr(complained),
+        ):
+            patch.setattr(sys, "stdin", typed)
+            try:
+                main(words, prog_name="pulsepath")
+            except SystemExit as ended:
+                code = int(ended.code or 0)
+        printed.seek(0)
+        return code, printed.read(), complained.getvalue()
 
 
 def script(words: list[str]) -> tuple[int, str, str]:

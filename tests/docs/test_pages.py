@@ -2,19 +2,16 @@
 
 import sys
 
-import numpy as np
 import pytest
 
 from controllers.laws.registry import LAWS
 from kinematics.machine.machine_file import KINDS
 from planner.export.format import FORMATS
-from planner.interruption.instant import find_longest
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
 from planner.pulses import RULES
 from planner.sources.source import SOURCES
 from tests.docs.pages import DOCS, agree, fences, run
 from tests.drawing import draw_dots
-from tests.stops import shared_stops
 
 PAGES = [
     *(DOCS / name for name in ("tutorial.md", "conventions.md", "help.md", "api/card.md")),
@@ -40,21 +37,6 @@ def scratch(tmp_path, monkeypatch):
             del sys.modules[name]
 
 
-@pytest.fixture
-def few_stops(monkeypatch):
-    """Search one stop and the rest at the end for a table of stops, whatever a page asks for, and
-    each stop once: each takes 2 s.
-    """
-
-    def find_few(motion, axes, edges):
-        return np.append(find_longest(motion, axes, edges)[:1], motion.duration)
-
-    monkeypatch.setattr("planner.interruption.hold.find_longest", find_few)
-    with shared_stops():
-        yield
-
-
-@pytest.mark.usefixtures("few_stops")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_does_what_it_says(page, scratch):
     with draw_dots():  # no page shows what a figure of a report looks like

@@ -50,13 +50,14 @@ def sample_within_limits(machine: Hexapod, count: int) -> Pose:
     """Draw poses within travel and tilt limits."""
     random = np.random.default_rng(0)
     poses: list[Array] = []
+    size = 10 * min(count, BATCH)
     while len(poses) < count:
         shift = random.uniform(
             [-MAX_SHIFT_XY, -MAX_SHIFT_XY, SHIFT_RANGE_Z[0]],
             [MAX_SHIFT_XY, MAX_SHIFT_XY, SHIFT_RANGE_Z[1]],
-            (10 * BATCH, 3),
+            (size, 3),
         )
-        turn = Rotation.from_rotvec(random.uniform(-MAX_TURN, MAX_TURN, (10 * BATCH, 3)))
+        turn = Rotation.from_rotvec(random.uniform(-MAX_TURN, MAX_TURN, (size, 3)))
         home = machine.home
         drawn = RigidTransform.from_components(home.translation + shift, turn * home.rotation)
         use = machine.check(drawn)

@@ -199,9 +199,8 @@ def one(dash, rig, tmp_path_factory):
         return sweep(dash, rig, tmp_path_factory.mktemp("one"))
 
 
-@pytest.mark.parametrize("killing", [False, True])
-def test_results_do_not_depend_on_the_number_of_processes(
-    tmp_path, rig, dash, one, monkeypatch, processes, killing
+def test_results_do_not_depend_on_the_number_of_processes_nor_on_one_that_is_killed(
+    tmp_path, rig, dash, one, monkeypatch, processes
 ):
     monkeypatch.setattr(run, "is_installed", lambda: False)
     monkeypatch.setattr(run, "MAX_LANES", 1)
@@ -211,14 +210,14 @@ def test_results_do_not_depend_on_the_number_of_processes(
     def progress(done, of):
         alive = {process.pid for process in multiprocessing.active_children()}
         workers.update(alive)
-        if killing and done >= 3 and alive and not killed:
+        if done >= 3 and alive and not killed:
             killed.append(max(alive))
             os.kill(killed[0], signal.SIGKILL)
 
     two = sweep(dash, rig, tmp_path / "two", progress=progress)
     # whether the one that takes a killed one's place is seen depends on when it starts
     assert len(workers) >= 2
-    assert len(killed) == killing
+    assert killed
     assert not multiprocessing.active_children()
     assert set(two.results) == set(one.results)
     for key, result in two.results.items():

@@ -31,12 +31,22 @@ def rig():
     return load_rig("servo-rig")
 
 
+def move_evenly(rig, way):
+    """Return a motion of every axis by so many rad at one speed, but for short ramps."""
+    home = rig.machine.home_q
+    path = PPoly(np.stack([np.full((1, len(home)), 1.0), home[None]]), [0.0, way])
+    return time_optimal(path, max_speed=SPEED, max_acceleration=5.0).trajectory
+
+
 @pytest.fixture(scope="module")
 def steady(rig):
-    """Every axis at one speed (rad/s) for some four seconds, but for short ramps."""
-    home = rig.machine.home_q
-    way = PPoly(np.stack([np.full((1, len(home)), 1.0), home[None]]), [0.0, 0.8])
-    return time_optimal(way, max_speed=SPEED, max_acceleration=5.0).trajectory
+    """Two seconds, after which each integral is at its end: the slowest has 0.2 s."""
+    return move_evenly(rig, 0.4)
+
+
+@pytest.fixture(scope="module")
+def brief(rig):
+    return move_evenly(rig, 0.1)
 
 
 def final_error(rig, motion, law):
@@ -46,14 +56,20 @@ def final_error(rig, motion, law):
     return (tracked.reference - tracked.actual)[k - 200 : k].mean(0)
 
 
-def test_it_leaves_of_a_lag_what_the_leak_lets_through(rig, steady):
+@pytest.fixture(scope="module")
+def lag(rig, steady):
+    """(n,) error without an integral."""
+    return final_error(rig, steady, LeakyIntegral(gain=0.0))
+
+
+def test_it_leaves_of_a_lag_what_the_leak_lets_through(rig, steady, lag):
     """At constant speed I = gain leak e, and the drive is K (r + I − x) = v: e = (v/K)/(1 + gain
     leak).
 
     Half of the play is behind that, where an encoder at the motor does not see it.
     """
     play = np.array([drive.play / 2 for drive in rig.drives])
-    bare = final_error(rig, steady, LeakyIntegral(gain=0.0)) - play
+    bare = lag - play
     np.testing.assert_allclose(
         bare, SPEED / np.array([drive.position_gain for drive in rig.drives]), rtol=0.02
     )
@@ -64,28 +80,27 @@ def test_it_leaves_of_a_lag_what_the_leak_lets_through(rig, steady):
         )
 
 
-def test_what_is_clamped_stays_so(rig, steady):
+def test_what_is_clamped_stays_so(rig, steady, lag):
     pulse = np.array([axis.pulse for axis in rig.machine.axes])
-    bare = final_error(rig, steady, LeakyIntegral(gain=0.0))
-    held = final_error(rig, steady, LeakyIntegral(gain=20.0, most=10.0))
-    np.testing.assert_allclose(bare - held, 10 * pulse, rtol=0.1)
+    clamped = final_error(rig, steady, LeakyIntegral(gain=20.0, most=10.0))
+    np.testing.assert_allclose(lag - clamped, 10 * pulse, rtol=0.1)
 
 
-def test_the_same_run_twice_is_the_same(rig, steady):
+def test_the_same_run_twice_is_the_same(rig, brief):
     law = LeakyIntegral(gain=6.0)
-    one, other = (track(steady, rig.machine, law, rig=rig, dt=DT, period=1e-2) for _ in range(2))
+    one, other = (track(brief, rig.machine, law, rig=rig, dt=DT, period=1e-2) for _ in range(2))
     np.testing.assert_array_equal(one.actual, other.actual)
-    figures = [evaluate(each, steady, rig.machine).tracking.rms for each in (one, other)]
+    figures = [evaluate(each, brief, rig.machine).tracking.rms for each in (one, other)]
     assert figures[0] == figures[1]
 
 
-def test_runs_of_a_batch_have_memories_of_their_own(rig, steady):
+def test_runs_of_a_batch_have_memories_of_their_own(rig, brief):
     """Gains of their own, and hosts that come to their steps at other times: each as it is
     alone.
     """
     hosts = [rig.host, Host("sleep", 5e-3, 1e-3, seed=1), Host("sleep", 5e-3, 1e-3, seed=2)]
     rigs = [replace(rig, host=host) for host in hosts]
-    reference = sample(steady, rig.machine, DT)
+    reference = sample(brief, rig.machine, DT)
     law = replace(LeakyIntegral(gain=GAINS), most=1e6)
     together = simulate(reference, law, rigs, period=1e-2)
     for b, (own, gain) in enumerate(zip(rigs, GAINS[:, 0], strict=True)):
@@ -96,12 +111,12 @@ def test_runs_of_a_batch_have_memories_of_their_own(rig, steady):
         )
 
 
-def test_it_runs_beside_laws_without_memory(rig, steady):
+def test_it_runs_beside_laws_without_memory(rig, brief):
     laws = [find_law("3"), LeakyIntegral(gain=6.0), LeakyIntegral(gain=2.0)]
     for law, found in zip(
-        laws, track_each(steady, rig.machine, laws, rig=rig, period=1e-2), strict=True
+        laws, track_each(brief, rig.machine, laws, rig=rig, period=1e-2), strict=True
     ):
-        alone = track(steady, rig.machine, law, rig=rig, period=1e-2)
+        alone = track(brief, rig.machine, law, rig=rig, period=1e-2)
         np.testing.assert_allclose(found.actual, alone.actual, rtol=1e-12)
 
 
@@ -136,9 +151,9 @@ class Forgetful(LeakyIntegral):
         ({"after": ("sum",)}, "step must return a tuple of arrays"),
     ],
 )
-def test_memory_that_is_none_is_refused(rig, steady, given, told):
+def test_memory_that_is_none_is_refused(rig, brief, given, told):
     with pytest.raises(MotionError, match=told):
-        track(steady, rig.machine, Forgetful(**given), rig=rig, dt=DT)
+        track(brief, rig.machine, Forgetful(**given), rig=rig, dt=DT)
 
 
 class InPlace(LeakyIntegral):
@@ -155,14 +170,14 @@ def test_memory_written_in_place_is_of_the_step_alone():
     assert not memory[0].any()  # of a run that is not due, it stays
 
 
-def test_progress_of_tracking_and_evaluating_is_told_to_the_end(rig, steady):
+def test_progress_of_tracking_and_evaluating_is_told_to_the_end(rig, brief):
     told, errors = [], []
     tracked = track(
-        steady, rig.machine, "3", rig=rig, period=1e-2, progress=lambda *step: told.append(step)
+        brief, rig.machine, "3", rig=rig, period=1e-2, progress=lambda *step: told.append(step)
     )
-    plain = track(steady, rig.machine, "3", rig=rig, period=1e-2)
+    plain = track(brief, rig.machine, "3", rig=rig, period=1e-2)
     np.testing.assert_array_equal(tracked.actual, plain.actual)
-    evaluate(tracked, steady, rig.machine, progress=lambda *step: errors.append(step))
+    evaluate(tracked, brief, rig.machine, progress=lambda *step: errors.append(step))
     for steps in (told, errors):
         shares = [done / of for done, of in steps]
         assert shares == sorted(shares)
