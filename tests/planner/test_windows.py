@@ -55,7 +55,7 @@ def plan_both(program, machine, order, pieces):
 
 @pytest.fixture(scope="module", params=[2, 3])
 def both(request, hexapod):
-    return plan_both(draw_polyline(40), hexapod, request.param, 30)
+    return plan_both(draw_polyline(24), hexapod, request.param, 16)
 
 
 def test_windows_take_as_long_as_the_whole(both):
@@ -207,7 +207,7 @@ def draw_stops(pattern, far=False):
 def stopping(hexapod):
     """Stretches of many kinds, and how to plan them."""
     planner = WindowPlanner(hexapod, partial(limits_of, axes=hexapod.axes, order=2), 2, pieces=8)
-    steps = steps_of(actuate(draw_stops([2, 1, 9, 3, 1, 4, 20, 4, 4, 3]), hexapod))
+    steps = steps_of(actuate(draw_stops([2, 1, 9, 1, 4, 4, 2]), hexapod))
     return planner, steps, list(planner(steps))
 
 
@@ -222,10 +222,10 @@ def test_who_helps_changes_nothing(stopping):
 
 def test_with_helpers_refusals_come_where_they_do_alone(stopping, hexapod):
     planner = stopping[0]
-    steps = steps_of(actuate(draw_stops([3, 9, 12], far=True), hexapod))
+    steps = steps_of(actuate(draw_stops([3, 9], far=True), hexapod))
 
     def break_off():
-        yield from steps[:20]
+        yield from steps[:12]
         raise MotionError("no line")
 
     for coming in (lambda: steps, break_off):
