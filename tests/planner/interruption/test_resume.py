@@ -43,7 +43,7 @@ def find_dwell(made):
 
 @pytest.mark.parametrize(
     ("circle", "at", "share"),
-    [(2, 0.1, 0.15), (2, 0.37, 0.6), (2, 0.8, 0.6), (3, 0.1, 0.15), (3, 0.37, 0.6)],
+    [(2, 0.1, 0.15), (2, 0.37, 0.6), (2, 0.8, 0.6), (3, 0.37, 0.6)],
     indirect=["circle"],
 )
 def test_the_way_on_takes_up_the_share_of_the_plans_speed(circle, at, share):

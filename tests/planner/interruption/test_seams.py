@@ -146,7 +146,7 @@ def test_sections_go_on_with_what_was_sent(cases, rule):
         )
         made = replace(case, source=replace(case.source, schedule=pulses))
         rng = np.random.default_rng(number)
-        for t in np.round(rng.uniform(0, made.duration, 3) / PERIOD) * PERIOD:
+        for t in np.round(rng.uniform(0, made.duration, 2) / PERIOD) * PERIOD:
             first = (made.counted, made.pulses, float(t))
             stop = made.hold(float(t))
             assert not find_faults(made, stop, first)

@@ -161,6 +161,7 @@ def test_the_way_on_is_proved_behind_shapers(shaped, stop_at):
     assert shaped.resume(0.0, 1.0).duration == pytest.approx(shaped.shaped.motion.duration)
 
 
+@pytest.mark.parametrize("shaped", [plan_corners], indirect=True, ids=["corners"])
 def test_the_way_on_can_be_held_behind_shapers(shaped, stop_at):
     """Copies of the way on are under way in its stop."""
     axes, home = shaped.machine.axes, shaped.machine.home_q
@@ -221,6 +222,7 @@ def test_a_stop_goes_to_a_fieldbus_row_by_row(shaped, stop_at, tmp_path):
         held.export("g93", tmp_path / "stop.ngc")
 
 
+@pytest.mark.parametrize("shaped", [plan_corners], indirect=True, ids=["corners"])
 def test_copies_that_still_move_run_out(shaped):
     """In what is a rest of the motion before the shapers, and behind its end: until every copy
     rests.
