@@ -250,7 +250,8 @@ def strokes(own_lengths, position, rotation=None):
         ([0.005, 0.0, 0.005], Rotation.from_euler("XYZ", [0, 20, 0], degrees=True), 0.0),
     ],
 )
-def test_travel_beyond_its_end_is_refused(hexapod, own_lengths, to, rotate, limit):
+def test_travel_beyond_its_end_is_refused(hexapod, own_lengths, to, rotate, limit, limit_search):
+    limit_search(0.0)
     with pytest.raises(Infeasible) as refusal:
         plan(Program([Line([0, 0, 0.01]), Dwell(0.1), Line(to, rotate)]), hexapod)
     error, stroke = refusal.value, strokes(own_lengths, to, rotate)[0]
@@ -277,7 +278,8 @@ def test_travel_beyond_its_end_is_refused(hexapod, own_lengths, to, rotate, limi
         assert phrase in str(error)
 
 
-def test_tilt_beyond_its_limit_is_refused(hexapod, own_legs):
+def test_tilt_beyond_its_limit_is_refused(hexapod, own_legs, limit_search):
+    limit_search(0.0)
     limit = np.deg2rad(15)
     machine = own_machine(hexapod, max_tilt=limit)
     program = Program([Line([0, 0, 0.025]), Line([0.025, 0, 0.025])])

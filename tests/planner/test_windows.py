@@ -110,7 +110,8 @@ def test_steps_are_taken_as_they_are_needed(hexapod):
     assert taken <= 2 * 16 + 2 < len(path.pieces)
 
 
-def test_a_window_that_cannot_be_is_refused_after_those_that_can(hexapod):
+def test_a_window_that_cannot_be_is_refused_after_those_that_can(hexapod, limit_search):
+    limit_search(0.0)
     program = draw_polyline(20)
     far = Line(np.array([5.0, 0.0, 0.025]), speed=SPEED, join=Blend(BLEND))
     path = actuate(Program(start=program.start, segments=(*program.segments, far)), hexapod)
@@ -220,7 +221,8 @@ def test_who_helps_changes_nothing(stopping):
     assert not helpers.alone
 
 
-def test_with_helpers_refusals_come_where_they_do_alone(stopping, hexapod):
+def test_with_helpers_refusals_come_where_they_do_alone(stopping, hexapod, limit_search):
+    limit_search(0.0)
     planner = stopping[0]
     steps = steps_of(actuate(draw_stops([3, 9], far=True), hexapod))
 
