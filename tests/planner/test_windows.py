@@ -55,7 +55,7 @@ def plan_both(program, machine, order, pieces):
 
 @pytest.fixture(scope="module", params=[2, 3])
 def both(request, hexapod):
-    return plan_both(draw_polyline(24), hexapod, request.param, 16)
+    return plan_both(draw_polyline(16), hexapod, request.param, 12)
 
 
 def test_windows_take_as_long_as_the_whole(both):
@@ -112,12 +112,12 @@ def test_steps_are_taken_as_they_are_needed(hexapod):
 
 def test_a_window_that_cannot_be_is_refused_after_those_that_can(hexapod, limit_search):
     limit_search(0.0)
-    program = draw_polyline(20)
+    program = draw_polyline(10)
     far = Line(np.array([5.0, 0.0, 0.025]), speed=SPEED, join=Blend(BLEND))
     path = actuate(Program(start=program.start, segments=(*program.segments, far)), hexapod)
-    planner = WindowPlanner(hexapod, lambda part: limits_of(part, hexapod.axes, 2), 2, pieces=12)
+    planner = WindowPlanner(hexapod, lambda part: limits_of(part, hexapod.axes, 2), 2, pieces=6)
     given = []
-    with pytest.raises(MotionError, match="segment 21"):
+    with pytest.raises(MotionError, match="segment 11"):
         given.extend(planner(steps_of(path)))
     assert given
     assert all(window.solution.certificate.holds for window in given)

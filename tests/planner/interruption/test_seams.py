@@ -134,7 +134,7 @@ def hold_soon(made, at, on):
 
 
 @pytest.mark.parametrize(
-    "rule", ["nearest", "nearest:hysteresis=0.3", "floor", "timer", "sampled:period=10us"]
+    "rule", ["nearest", "nearest:hysteresis=0.3", "floor", "timer", "sampled:period=20us"]
 )
 def test_sections_go_on_with_what_was_sent(cases, rule):
     """No instant is refused for the set-up of DIR, which stands right, nor for play that was taken
