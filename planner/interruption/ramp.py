@@ -5,7 +5,7 @@ is sought: the nearest with a motion that keeps every limit. A motion to a neare
 time, unless the limits change along the way: docs/theory/hold.md.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -116,7 +116,7 @@ class _Search:
             return sharp
         if is_known:
             distance = self.farthest
-            shares = NEARER_THAN_KNOWN
+            shares: Sequence[float] = NEARER_THAN_KNOWN
         else:
             distance = self._search(3, FIRST_WITH_JERK * sharp, GROWTH, shortest)
             shares = NEARER
