@@ -10,8 +10,7 @@ import pytest
 
 from kinematics import MotionError
 from planner import Infeasible, Line, Program, check, classical, plan, plan_parts
-from planner.bounds import bound_duration
-from planner.bounds.limit_worth import find_worth
+from planner.bounds import bound_duration, find_worth
 from planner.limits import Limit, Term
 from planner.limits.limit import Rows
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
