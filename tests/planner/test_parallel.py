@@ -22,6 +22,7 @@ from planner import Infeasible, Line, Place, Program, parallel, plan
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from planner.timing import certified_solve
+from tests.planner.tasks import multiply, where
 
 
 @pytest.fixture
@@ -33,27 +34,6 @@ def eager(processes):
 def zigzag(count):
     """Lines that stop at each end."""
     return Program(tuple(Line(np.array([2e-3 * (k % 2), 1e-3 * k, 20e-3])) for k in range(count)))
-
-
-def where(task):
-    if task == "infeasible":
-        raise Infeasible(
-            "tilt",
-            "leg1 base joint",
-            Place(0.1, 2, 0.5, "leg1"),
-            36.0,
-            35.0,
-            "deg",
-            "move the path",
-        )
-    if task == "dies":
-        os._exit(1) if multiprocessing.parent_process() else None
-    return task, os.getpid()
-
-
-def multiply(array, task):
-    time.sleep(0.02)  # so that one process is not through with all before the other has begun
-    return array * task
 
 
 def test_results_come_in_order_and_from_other_processes(eager):
@@ -125,13 +105,7 @@ def test_a_killed_process_costs_only_time(eager, moment):
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_no_process_outlives_the_one_that_began_it(tmp_path):
-    command, environment = script(tmp_path, "time.sleep", 1)
-    process = subprocess.Popen(
-        command, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
-    )
-    assert process.stdout.readline() == "begins\n"
-    with pytest.raises(subprocess.TimeoutExpired):
-        process.wait(2)
+    process = begin_sleeping(tmp_path)
     process.kill()
     process.communicate(timeout=15)
     assert ends(process.pid)
@@ -195,8 +169,9 @@ def test_the_same_motion_to_the_bit(processes, order, hexapod):
 
 
 SCRIPT = """
-    import signal, sys, time
-    import kinematics, planner.parallel as parallel
+    from functools import partial
+    from planner import parallel
+    from tests.planner import tasks
     print("begins", flush=True)
     parallel.MIN_POOL_WORK, parallel.cores = 0.0, lambda: 2
     try:
@@ -210,6 +185,26 @@ def script(tmp_path, work, wait):
     file = tmp_path / "script.py"
     file.write_text(textwrap.dedent(SCRIPT.format(work=work, wait=wait)))
     return [sys.executable, str(file)], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+
+
+def begin_sleeping(tmp_path):
+    """Start a group of a process and two that it began, all of which sleep for a minute."""
+    folder = tmp_path / "sleeping"
+    folder.mkdir()
+    command, environment = script(tmp_path, f"partial(tasks.sleep, {str(folder)!r})", 60)
+    process = subprocess.Popen(
+        command,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    for _ in range(3000):
+        if len(list(folder.iterdir())) == 3:
+            return process
+        time.sleep(0.02)
+    raise AssertionError("no processes began within a minute")
 
 
 def ends(group):
@@ -236,21 +231,10 @@ def test_a_script_without_a_main_guard_is_not_run_again(tmp_path):
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of a terminal")
 def test_ctrl_c_ends_all_processes(tmp_path):
-    command, environment = script(tmp_path, "time.sleep", 30)
-    process = subprocess.Popen(
-        command,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    assert process.stdout.readline() == "begins\n"
-    with pytest.raises(subprocess.TimeoutExpired):
-        process.wait(4)
+    process = begin_sleeping(tmp_path)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=15)
-    assert (out, process.returncode) == ("ended\n", 0), err
+    assert (out, process.returncode) == ("begins\nended\n", 0), err
     assert not err
     assert ends(process.pid)
 

@@ -25,9 +25,17 @@ def program():
     return Program([Line(point) for point in WALK], name="walk")
 
 
-def test_pulses_of_parts_are_those_of_the_whole(program, machine):
-    whole = plan(program, machine, order=2)
-    parts = [*plan_parts(program, machine, order=2, pieces=12)]
+@pytest.fixture(scope="module")
+def whole(program, machine):
+    return plan(program, machine, order=2)
+
+
+@pytest.fixture(scope="module")
+def parts(program, machine):
+    return [*plan_parts(program, machine, order=2, pieces=12)]
+
+
+def test_pulses_of_parts_are_those_of_the_whole(whole, parts):
     assert len(parts) > 3
     for k, axis in enumerate(whole.pulses.axes):
         ticks = np.concatenate([part.pulses.axes[k].ticks for part in parts])
@@ -38,10 +46,8 @@ def test_pulses_of_parts_are_those_of_the_whole(program, machine):
         np.testing.assert_array_equal(directions, axis.direction)
 
 
-def test_every_crossing_of_the_play_is_stated(program, machine):
-    whole = plan(program, machine, order=2)
-    *_, last = plan_parts(program, machine, order=2, pieces=12)
-    stated = come_to_rest(last).pulses.compensations
+def test_every_crossing_of_the_play_is_stated(whole, parts):
+    stated = come_to_rest(parts[-1]).pulses.compensations
     for one, other in zip(stated, whole.pulses.compensations, strict=True):
         assert one.crossings == other.crossings == len(one.windows) > 20
         np.testing.assert_allclose(one.windows, other.windows, rtol=0, atol=1e-6)

@@ -23,7 +23,7 @@ def machine():
 @pytest.fixture(scope="module")
 def program():
     """A zigzag of round corners, on which X changes its speed all the time."""
-    t = np.linspace(0, 4 * np.pi, 80)[1:]
+    t = np.linspace(0, 2.5 * np.pi, 50)[1:]
     points = np.stack([0.004 * np.sin(t) + 0.0015 * t, 0.004 * np.sin(0.7 * t), 0 * t], 1)
     return Program([Line(point, join=Blend(2e-5)) for point in points], name="zigzag")
 
@@ -31,8 +31,8 @@ def program():
 @pytest.mark.parametrize("order", [2, 3])
 def test_no_axis_stays_in_a_band_for_longer_than_it_may(program, machine, order):
     whole = plan(program, machine, order=order)
-    parts = [*plan_parts(program, machine, order=order, pieces=30)]
-    assert len(parts) > 3
+    parts = [*plan_parts(program, machine, order=order, pieces=16)]
+    assert len(parts) > 2
     standing = parts[-1].standing
     assert standing.certificate.holds
     assert standing.certificate.worst[CROSSING] <= 1

@@ -42,12 +42,15 @@ def draw_walk(count, seed=0, line=4e-4):
 
 @pytest.fixture(scope="module")
 def walked(hexapod):
-    program = draw_walk(120)
-    return program, list(plan_parts(program, hexapod, pieces=24))
+    """A program, its parts, and what is read of it before the first."""
+    program, told = draw_walk(60), []
+    parts = plan_parts(program, hexapod, pieces=24, progress=lambda *given: told.append(given))
+    first, before = next(parts), told.copy()
+    return program, [first, *parts], before
 
 
 def test_parts_are_the_whole_but_for_what_they_look_ahead(walked, hexapod):
-    program, parts = walked
+    program, parts, _ = walked
     whole = plan(program, hexapod)
     assert len(parts) > 3
     assert parts[-1].standing.duration == pytest.approx(
@@ -55,21 +58,20 @@ def test_parts_are_the_whole_but_for_what_they_look_ahead(walked, hexapod):
     )  # of 24 pieces each
     assert parts[-1].standing.fit == whole.path.fit
     assert parts[-1].standing.start.length == pytest.approx(float(whole.path.breaks[-1]), rel=1e-12)
-    assert parts[-1].standing.segment == 120
+    assert parts[-1].standing.segment == 60
     assert parts[-1].standing.certificate.holds
 
 
-def test_what_is_read_ahead_is_told_before_the_first_part(walked, hexapod):
-    told = []
-    next(plan_parts(walked[0], hexapod, pieces=24, progress=lambda *given: told.append(given)))
+def test_what_is_read_ahead_is_told_before_the_first_part(walked):
+    _, _, told = walked
     done = [done for done, _ in told]
     assert done == sorted(done)
-    assert 0 < done[0] < done[-1] <= 120
-    assert {of for _, of in told} == {120}
+    assert 0 < done[0] < done[-1] <= 60
+    assert {of for _, of in told} == {60}
 
 
 def test_the_standing_is_that_of_all_parts(walked):
-    _, parts = walked
+    _, parts, _ = walked
     standing, schedule = parts[-1].standing, join_schedules([part.pulses for part in parts])
     assert standing.duration == pytest.approx(
         sum(part.motion.duration for part in parts), rel=1e-12
@@ -89,7 +91,7 @@ def test_the_standing_is_that_of_all_parts(walked):
 
 
 def test_what_there_is_at_any_instant_comes_to_rest(walked):
-    _, parts = walked
+    _, parts, _ = walked
     for n, part in enumerate(parts[:-1]):
         assert part.rest is not None
         end = part.rest.at(part.rest.duration)
@@ -123,10 +125,10 @@ def test_windows_that_end_at_stops_have_no_way_to_rest(hexapod):
 
 def test_a_part_that_cannot_be_is_refused_after_those_that_can(hexapod, limit_search):
     limit_search(0.0)
-    program = draw_walk(40)
+    program = draw_walk(20)
     far = line_to(5.0, 0.0, speed=0.01)
     parts = []
-    with pytest.raises(MotionError, match="segment 41"):
+    with pytest.raises(MotionError, match="segment 21"):
         parts.extend(plan_parts(program_of(*program.segments, far), hexapod, order=2, pieces=8))
     assert parts
     assert parts[-1].rest_pulses is not None
@@ -191,7 +193,7 @@ def test_a_goal_for_the_whole_motion_says_so(hexapod, request_, why):
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_a_window_over_the_whole_path_gives_the_pulses_of_the_whole_plan(hexapod, order):
-    program = draw_walk(40)
+    program = draw_walk(16)
     (part,) = plan_parts(program, hexapod, order=order, pieces=1000)
     assert_is_whole(part, plan(program, hexapod, order=order))
 
@@ -228,7 +230,7 @@ def sample_rows(parts, period):
 
 def test_an_overview_has_the_extremes_of_all_rows(walked):
     """Of those that are a period apart, and of nothing but rows."""
-    _, parts = walked
+    _, parts, _ = walked
     seen = Overview()
     for part in parts:
         seen.add(part.motion, part.start.begin, part.start.length)

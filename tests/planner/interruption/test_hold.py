@@ -14,7 +14,7 @@ from planner import Blend, Line, Program, plan
 from planner.interruption.instant import look
 from planner.timing import REST, Continuation, EndCondition, Run, Task, solve_once
 
-INSTANTS = 20_000
+INSTANTS = 5_000
 
 
 @pytest.fixture(scope="module", params=[2, 3])

@@ -13,7 +13,7 @@ from planner import Blend, Dwell, Infeasible, Line, Program, load_program, plan
 from planner.interruption import hold
 from planner.pulses import check
 
-INSTANTS = 20_001
+INSTANTS = 5_001
 
 
 CORNERS = (
@@ -98,9 +98,9 @@ def test_a_stop_is_proved_behind_shapers_and_goes_on_with_the_pulses(shaped, sto
         assert (np.abs(np.diff(rate, axis=0) / t[1]).max(0) <= most * (1 + 1e-4)).all()
         # on the path, but for the deviation that is proved, and at its end exactly
         poses = shaped.machine.forward(
-            q[::50], shaped.trajectory.at(np.full(len(q[::50]), held.at)).pose
+            q[::25], shaped.trajectory.at(np.full(len(q[::25]), held.at)).pose
         ).pose
-        late = np.clip(held.at + t[::50] - shaped.shaped.delay, 0, None)
+        late = np.clip(held.at + t[::25] - shaped.shaped.delay, 0, None)
         about = np.where(
             (late < held.at)[:, None],
             shaped.trajectory.at(np.clip(late, 0, held.at)).pose.translation,
@@ -149,6 +149,7 @@ def test_what_is_proved_of_a_stop_is_of_what_its_copies_do(shaped, stop_at):
             assert held.shaped.worst["speed"] < 0.6 * shaped.certificate.worst["speed"]
 
 
+@pytest.mark.parametrize("shaped", [plan_corners], indirect=True, ids=["corners"])
 def test_the_way_on_is_proved_behind_shapers(shaped, stop_at):
     axes, home = shaped.machine.axes, shaped.machine.home_q
     held = stop_at(instants(shaped)[1])
@@ -161,6 +162,7 @@ def test_the_way_on_is_proved_behind_shapers(shaped, stop_at):
     assert shaped.resume(0.0, 1.0).duration == pytest.approx(shaped.shaped.motion.duration)
 
 
+@pytest.mark.parametrize("shaped", [plan_corners], indirect=True, ids=["corners"])
 def test_the_way_on_can_be_held_behind_shapers(shaped, stop_at):
     """Copies of the way on are under way in its stop."""
     axes, home = shaped.machine.axes, shaped.machine.home_q
@@ -221,6 +223,7 @@ def test_a_stop_goes_to_a_fieldbus_row_by_row(shaped, stop_at, tmp_path):
         held.export("g93", tmp_path / "stop.ngc")
 
 
+@pytest.mark.parametrize("shaped", [plan_corners], indirect=True, ids=["corners"])
 def test_copies_that_still_move_run_out(shaped):
     """In what is a rest of the motion before the shapers, and behind its end: until every copy
     rests.

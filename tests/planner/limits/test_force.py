@@ -161,10 +161,11 @@ def test_every_value_lies_in_the_enclosure_of_its_cell(name):
                 )
 
 
-def test_a_machine_that_cannot_hold_itself_is_told_so_first(hexapod):
+def test_a_machine_that_cannot_hold_itself_is_told_so_first(hexapod, limit_search):
     """The weight of 140 kg: the worst leg, the place, the force there by `forces`, and the
     limit.
     """
+    limit_search(0.0)
     heavy = hexapod.carrying(Load(Body(140.0, [0.05, 0, 0.1])))
     with pytest.raises(Infeasible, match="the machine cannot hold itself still there") as refusal:
         plan(TILTED, heavy, order=2)

@@ -57,7 +57,8 @@ def surfaces(own_legs, machine, pose, i, j, radius=0.0304):
     )
 
 
-def test_legs_that_collide_are_refused_by_name_place_and_amount(loose, own_legs):
+def test_legs_that_collide_are_refused_by_name_place_and_amount(loose, own_legs, limit_search):
+    limit_search(0.0)
     standing = check(TURNED, loose)
     assert {no.kind for no in standing.violations} == {"clearance"}
     assert all(no.unit == "mm" and no.limit == 0.0 and no.value < 0 for no in standing.violations)
@@ -91,8 +92,9 @@ def test_legs_that_collide_are_refused_by_name_place_and_amount(loose, own_legs)
         plan(TURNED, loose, order=2)
 
 
-def test_bars_thin_enough_pass(loose, own_legs):
+def test_bars_thin_enough_pass(loose, own_legs, limit_search):
     """Refused just above the radius at which sampled poses touch, taken just below."""
+    limit_search(0.0)
     start = loose.home * LIFTED
     poses = [
         RigidTransform.from_components(

@@ -43,7 +43,7 @@ points = st.lists(
 
 
 @given(points)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_lines_are_the_curve(points):
     curve = PullOutCurve.from_axis(Axis("z", torque_speed=points))
     assert (curve.slope >= 0).all()
@@ -62,7 +62,7 @@ def shown(curve, v):
 
 
 @given(points, st.floats(0, 1))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_lines_near_a_speed_are_a_floor_that_touches_the_curve_there(points, share):
     """The least of them is nowhere above the curve, and on it at the speed itself."""
     curve = PullOutCurve.from_axis(Axis("z", torque_speed=points))
@@ -78,7 +78,7 @@ def test_lines_near_a_speed_are_a_floor_that_touches_the_curve_there(points, sha
 
 
 @given(points)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_the_hull_is_the_least_concave_curve_above(points):
     """Above the curve, concave, and each of its corners is on the curve: one lower would not be
     above.

@@ -27,6 +27,14 @@ from planner.path.actuation import actuate
 from planner.path.shape import DEGREE
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_intervals():
+    """A coarser grid, on which a choice takes a third of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("planner.orientation.nlp.INTERVALS", 16)
+        yield
+
+
 @pytest.fixture(scope="module")
 def reach():
     return load_program("free-yaw")

@@ -159,7 +159,7 @@ def test_the_bound_holds_at_1e5_random_instants_on_six_legs():
     assert_sound(schedule, motion)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=60)
 @given(smooth_motions())
 def test_any_motion_is_followed_within_the_bound(motion):
     assert_sound(fire(motion, home=[0.0, 0.0]), motion)

@@ -46,12 +46,12 @@ def program(**given):
 
 @pytest.fixture(scope="module")
 def whole(hexapod):
-    return plan(program(), hexapod)
+    return plan(program(), hexapod, order=2)
 
 
 @pytest.fixture(scope="module")
 def parts(hexapod):
-    made = [*plan_parts(program(), hexapod, pieces=3)]
+    made = [*plan_parts(program(), hexapod, order=2, pieces=3)]
     assert sum(part.rest is not None for part in made) > 3  # else no trigger would be beside a seam
     return made
 

@@ -25,7 +25,7 @@ SHARES = st.lists(st.integers(1, 10**4).map(lambda n: n * 1e-4), max_size=6)
 RULES = ["nearest", "nearest:hysteresis=0.2", "floor", "timer"]
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(smooth_motions(), SHARES, SHARES, st.sampled_from(RULES))
 def test_parts_are_found_right_wherever_motion_and_pulses_are_cut(motion, cuts, others, rule):
     stream = PulseStream(SimpleNamespace(axes=AXES, home_q=np.zeros(2)), CLOCK, find_rule(rule))

@@ -121,6 +121,6 @@ def test_it_needs_the_whole_motion_and_a_step_that_is_one(traverser):
 
 def test_a_timer_too_slow_for_the_pulses_is_refused(traverser):
     machine, motion = traverser
-    axes = [Axis(axis.name, axis.kind, pulse=axis.pulse / 5000) for axis in machine.axes]
+    axes = [Axis(axis.name, axis.kind, pulse=axis.pulse / 500) for axis in machine.axes]
     with pytest.raises(MotionError, match=r"pulse rate|more than a timer of 1000 Hz can count"):
         generate(motion, axes, machine.home_q, CLOCK, "timer:clock=1kHz,step=1")

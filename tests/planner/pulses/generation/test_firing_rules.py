@@ -85,7 +85,7 @@ def assert_sound(schedule, motion):
 
 
 @pytest.mark.parametrize("rule", EVERY)
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=15)
 @given(motion=smooth_motions((0.01, 0.013, 0.05), 4))
 def test_any_motion_is_followed_within_the_bound_that_the_schedule_states(rule, motion):
     schedule = fire(motion, rule)

@@ -178,7 +178,7 @@ KINDS = [
 ]
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(st.integers(0, 200), st.lists(PARTS, max_size=8), st.sampled_from(RULES))
 def test_what_motors_make_up_for_is_the_same_in_parts(seed, cuts, rule):
     """Three axes with play, with a screw's errors and with both; turns, rests and crossings of play
