@@ -44,6 +44,8 @@ from planner.trajectory import Trajectory
 # Share of a path's length below which copies along it count as at rest: rounding of places (10⁻¹⁶
 # of the length) would be more than the 10⁻⁹ by which the ends of a motion may be off.
 SAME_STOP = 1e-7
+# Instants at which the motion is left and whose stops are compared: each costs as much as a stop.
+MOST_COMPARED = 2
 # Share of the largest s⃛ by which it steps where a motion may be left.
 STEP_SHARE = 0.1
 # Such steps tried at most.
@@ -228,19 +230,20 @@ def _draw_from(
 def _solve_stop(whole: Whole, running: Running, now: Instant) -> ProvedMotion:
     """Find the soonest stop before any shaping.
 
-    A rough search may miss the nearest place. So after a stop is found, a sooner one is sought from
-    the next instant at which the motion may be left. If there is none, the motion's own next rest.
+    The better of those from the first two instants at which the motion can be left: a rough search
+    may miss the nearest place from one of them. If neither has one, the motion's own next rest.
     """
     motion = running.trajectory
     rest = find_next_rest(motion, now)
-    nearest: ProvedMotion | None = None
+    stops: list[ProvedMotion] = []
     for leave in _find_leaves(motion, now, rest, whole.order):
-        stop = _leave(whole, motion, now, leave, rest.s, nearest)
-        if nearest is not None:
-            return nearest if stop is None else stop
-        nearest = stop
-    if nearest is not None:
-        return nearest
+        stop = _leave(whole, motion, now, leave, rest.s)
+        if stop is not None:
+            stops.append(stop)
+        if len(stops) == MOST_COMPARED:
+            break
+    if stops:
+        return min(stops, key=lambda stop: stop.trajectory.duration)
 
     path = _draw_from(whole, motion, now, rest.s)
     to_rest = cut_motion(motion, now, rest)
@@ -276,18 +279,11 @@ def _leave(
     now: Instant,
     leave: Instant,
     end: float,
-    nearest: ProvedMotion | None,
 ) -> ProvedMotion | None:
-    """Find the soonest stop before `end` (m) that follows the running motion until `leave`.
-
-    nearest: a stop that is known; only a sooner one is returned.
-    """
-    if nearest is not None:
-        end = now.s + float(nearest.path.breaks[-1])
-    for ramp in find_ramps(whole, leave, end, _rest_anywhere, motion, nearest is not None):
+    """Find the soonest stop before `end` (m) that follows the running motion until `leave`."""
+    for ramp in find_ramps(whole, leave, end, _rest_anywhere, motion):
         stop = ramp if leave is now else _follow_first(whole, motion, now, leave, ramp)
-        sooner = nearest is None or stop.trajectory.duration < nearest.trajectory.duration
-        if stop.certificate.holds and sooner:
+        if stop.certificate.holds:
             return stop
     return None
 

@@ -5,7 +5,7 @@ is sought: the nearest with a motion that keeps every limit. A motion to a neare
 time, unless the limits change along the way: docs/theory/hold.md.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -43,8 +43,6 @@ SHORTEST = 1e-10
 # Nearer ends tried once more, as shares of the distance found: a rough solve may fail where there
 # is a motion.
 NEARER = (0.8, 0.9, 0.96)
-# Nearer ends tried where a motion is known, as shares of its distance.
-NEARER_THAN_KNOWN = (*NEARER, 0.98)
 
 Target = Callable[[float], tuple[float, float]]
 """A place (m) of the plan's path -> ṡ and s̈ to be reached there."""
@@ -56,13 +54,11 @@ def find_ramps(
     end: float,
     target: Target,
     followed: Trajectory,
-    is_known: bool = False,
 ) -> Iterator[ProvedMotion]:
     """Find motions from an instant to the target before `end` (m), the nearest place first.
 
     followed  motion whose s⃛ may step at its knots. On a grid with these knots, following it for a
               while is one of the motions of the problem.
-    is_known  there is a motion to `end`: only nearer places are tried
     """
     shortest = SHORTEST * float(whole.path.breaks[-1])
     if end - now.s <= shortest:
@@ -71,7 +67,7 @@ def find_ramps(
     knots = places[places > now.s] - now.s
     continuation = Continuation(np.zeros(1), np.zeros((4, 0)), {}, knots)
     search = _Search(whole, now, end, target, continuation)
-    distance = search.find_nearest(shortest, is_known)
+    distance = search.find_nearest(shortest)
     for farther in FARTHER:
         until = now.s + farther * distance
         if until >= end:
@@ -105,7 +101,7 @@ class _Search:
         self.limits = whole.limits(self.path)
         self.farthest = float(self.path.breaks[-1])
 
-    def find_nearest(self, shortest: float, is_known: bool) -> float:
+    def find_nearest(self, shortest: float) -> float:
         """Return the distance (m) to the nearest place with the target, at least `shortest`.
 
         Where no place is found, the whole distance to the end.
@@ -114,13 +110,8 @@ class _Search:
         sharp = self._search(2, first, DOUBLING, shortest)
         if self.order == 2:
             return sharp
-        if is_known:
-            distance = self.farthest
-            shares: Sequence[float] = NEARER_THAN_KNOWN
-        else:
-            distance = self._search(3, FIRST_WITH_JERK * sharp, GROWTH, shortest)
-            shares = NEARER
-        for share in shares:
+        distance = self._search(3, FIRST_WITH_JERK * sharp, GROWTH, shortest)
+        for share in NEARER:
             nearer = share * distance
             if nearer > sharp and self._reaches(3, nearer):
                 return self._narrow(3, sharp, nearer, shortest)
