@@ -9,7 +9,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
 
 from pulsepath import __version__  # noqa: E402  found by the line before
 
-# looking through the trees of all pages for garbage takes a sixth of a build
+# looking through the trees of all pages for garbage takes a fifth of a build
 gc.disable()
 
 project = "pulsepath"
