@@ -1,6 +1,5 @@
 """The site: `python -m sphinx -W docs out/docs`, or `make docs`. It needs no network, to be built or to be read."""
 
-import gc
 import sys
 from pathlib import Path
 
@@ -8,9 +7,6 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
 
 from pulsepath import __version__  # noqa: E402  found by the line before
-
-# looking through the trees of all pages for garbage takes a fifth of a build
-gc.disable()
 
 project = "pulsepath"
 author = "the pulsepath authors"
