@@ -222,7 +222,7 @@ CORRUPTIONS = [
     after_the_end,
     other_axis,
 ]
-SEEDS = 8  # 20 corruptions x 8 seeds = 160 schedules
+SEEDS = 15  # 20 corruptions x 15 seeds = 300 schedules
 
 
 @pytest.mark.parametrize("corrupt", CORRUPTIONS, ids=lambda f: f.__name__)

@@ -1,4 +1,4 @@
-"""The check of a written file: honest ones hold with true figures, and each of 120 corrupted ones
+"""The check of a written file: honest ones hold with true figures, and each of 250 corrupted ones
 is caught.
 """
 
@@ -17,7 +17,7 @@ from planner.pulses import check, check_file, generate
 from planner.pulses.checking import check_parts
 from tests.planner.motions import PULSE, example
 
-CORRUPTED = 120
+CORRUPTED = 250
 
 
 @pytest.fixture(scope="module")
