@@ -62,7 +62,7 @@ def one_line(text):
 
 @pytest.mark.usefixtures("all_cores")
 def test_plan_from_end_to_end(tmp_path):
-    arguments = ["plan", "bare-circle", "--order", "2", "--out", "o", "--json"]
+    arguments = ["plan", "bare-circle", "--order", "2", "--no-figures", "--out", "o", "--json"]
     done = subprocess.run(
         [sys.executable, "-m", "pulsepath", *arguments],
         cwd=tmp_path,
@@ -70,7 +70,7 @@ def test_plan_from_end_to_end(tmp_path):
         text=True,
     )
     assert done.returncode == 0
-    assert {path.name for path in (tmp_path / "o").iterdir()} == FILES
+    assert {path.name for path in (tmp_path / "o").iterdir()} == FILES - {"figures"}
     printed, written = (
         json.loads(done.stdout),
         json.loads((tmp_path / "o" / "plan.json").read_text()),
