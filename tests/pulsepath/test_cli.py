@@ -370,10 +370,11 @@ def test_travel_violations_name_leg_place_value_and_limit(call, tmp_path, progra
     assert [entry.name for entry in tmp_path.iterdir()] == ["program.toml"]
 
 
-def test_a_check_sums_up_violations(call, program):
+def test_a_check_sums_up_violations(call, program, limit_search):
     """The worst of each limit and a line on the others; -v lists all of them, --json records
     them.
     """
+    limit_search(0.0)
     lines = [f"[[segment]]\nline = {{ to = [{x}, 0, 60] }}" for x in (0, 5, 0)]
     path = program("[[segment]]\nline = { to = [0, 0, 25] }\n" + "\n".join(lines))
     violations = json.loads(call("check", path, "--json").stdout)["violations"]
