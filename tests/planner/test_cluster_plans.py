@@ -62,8 +62,8 @@ def test_without_dask_the_extra_is_named(monkeypatch, hexapod):
         plan_many(programs(2), hexapod)
 
 
-def test_one_program_is_planned_here_without_dask(monkeypatch, hexapod):
-    monkeypatch.setitem(sys.modules, "distributed", None)
+def test_one_program_is_planned_here(monkeypatch, hexapod):
+    monkeypatch.setattr("planner.cluster.open_cluster", lambda *_, **__: pytest.fail("a cluster"))
     told = []
     (found,) = plan_many(programs(1), hexapod, order=2, progress=lambda *done: told.append(done))
     assert found.duration == plan(programs(1)[0], hexapod, order=2).duration

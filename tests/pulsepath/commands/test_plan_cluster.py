@@ -84,8 +84,8 @@ def when_written(monkeypatch, number, act):
     return written
 
 
-def kill(client):
-    for pid in client.run(os.getpid).values():
+def kill(client, count):
+    for pid in list(client.run(os.getpid).values())[:count]:
         os.kill(pid, signal.SIGKILL)
 
 
@@ -103,9 +103,10 @@ def test_processes_of_this_computer_make_the_same_bytes(call, file, alone, tmp_p
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_the_same_bytes_though_all_die(call, file, alone, tmp_path, cluster, monkeypatch):
+@pytest.mark.parametrize("killed", [1, 2])
+def test_the_same_bytes_whoever_dies(call, file, alone, tmp_path, cluster, monkeypatch, killed):
     cluster.wait_for_workers(2, timeout=30)
-    written = when_written(monkeypatch, 1, partial(kill, cluster))
+    written = when_written(monkeypatch, 1, partial(kill, cluster, killed))
     address = cluster.scheduler.address
     done = call("plan", file, *ASKED, "--stream", "--cluster", address, "--out", tmp_path / "out")
     assert done.exit_code == 0, done.stderr
