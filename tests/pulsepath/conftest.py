@@ -109,7 +109,7 @@ def write_plan(call):
 @pytest.fixture(scope="session")
 def directory(tmp_path_factory, write_plan, job):
     """What `plan` writes for the shared plan; not to be changed."""
-    with drawing(draw_figure):
+    with draw_dots():
         return write_plan(job, tmp_path_factory.mktemp("plans") / "bare-circle")
 
 

@@ -62,7 +62,7 @@ def one_line(text):
 
 @pytest.mark.usefixtures("all_cores")
 def test_plan_from_end_to_end(tmp_path):
-    arguments = ["plan", "bare-circle", "--order", "2", "--out", "o", "--json"]
+    arguments = ["plan", "bare-circle", "--order", "2", "--no-figures", "--out", "o", "--json"]
     done = subprocess.run(
         [sys.executable, "-m", "pulsepath", *arguments],
         cwd=tmp_path,
@@ -70,7 +70,7 @@ def test_plan_from_end_to_end(tmp_path):
         text=True,
     )
     assert done.returncode == 0
-    assert {path.name for path in (tmp_path / "o").iterdir()} == FILES
+    assert {path.name for path in (tmp_path / "o").iterdir()} == FILES - {"figures"}
     printed, written = (
         json.loads(done.stdout),
         json.loads((tmp_path / "o" / "plan.json").read_text()),
@@ -102,7 +102,8 @@ trigger = { name = "half", at = 0.5 }
 
 
 def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, program):
-    done = call("plan", program(MARKED), "--order", "2", "--out", tmp_path / "o", "-v")
+    few = ("--no-figures", "--no-baselines")
+    done = call("plan", program(MARKED), "--order", "2", *few, "--out", tmp_path / "o", "-v")
     assert done.exit_code == 0
     told = [line.split() for line in done.stdout.splitlines() if line.strip().startswith("top")]
     assert [row[1:3] for row in told] == [["1", "1"], ["1", "2"]]  # segment, repetition
@@ -139,15 +140,13 @@ def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, progr
 
 @pytest.mark.usefixtures("planned")
 def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
-    short = call("plan", "bare-circle", "--out", tmp_path / "o")
+    asked = ("plan", "bare-circle", "--no-figures", "--out", tmp_path / "o")
+    short = call(*asked)
     assert len(short.stdout.splitlines()) <= 12
     assert job.results.worth.describe() in short.stdout
     assert f"{job.plan.trajectory.duration:.6f} s" in short.stdout
-    assert (
-        call("plan", "bare-circle", "--out", tmp_path / "o", "--force", "-q").stdout
-        == f"{tmp_path}/o/report.html\n"
-    )
-    done = call("plan", "bare-circle", "--out", tmp_path / "o", "--force", "-v")
+    assert call(*asked, "--force", "-q").stdout == f"{tmp_path}/o/report.html\n"
+    done = call(*asked, "--force", "-v")
     assert done.exit_code == 0
     assert f"report: {tmp_path / 'o' / 'report.html'}" in done.stdout
     lines = [
@@ -185,7 +184,8 @@ def test_check_sums_up_blends_in_a_line(call):
 
 def test_a_stated_duration(call, tmp_path):
     out = tmp_path / "o"
-    command = ["plan", "bare-circle", "--order", "2", "--out", str(out)]
+    few = ("--no-figures", "--no-baselines")
+    command = ["plan", "bare-circle", "--order", "2", *few, "--out", str(out)]
     refused = call(*command, "--duration", "1200 ms")
     assert refused.exit_code == 1
     assert "the fastest motion found within the limits takes 1.204" in refused.stderr
@@ -230,6 +230,7 @@ def test_a_gap_to_be_proved(call, tmp_path):
         "--no-figures",
         "--pulses",
         "none",
+        "--no-baselines",
         "--order",
         "2",
     ]
@@ -370,10 +371,11 @@ def test_travel_violations_name_leg_place_value_and_limit(call, tmp_path, progra
     assert [entry.name for entry in tmp_path.iterdir()] == ["program.toml"]
 
 
-def test_a_check_sums_up_violations(call, program):
+def test_a_check_sums_up_violations(call, program, limit_search):
     """The worst of each limit and a line on the others; -v lists all of them, --json records
     them.
     """
+    limit_search(0.0)
     lines = [f"[[segment]]\nline = {{ to = [{x}, 0, 60] }}" for x in (0, 5, 0)]
     path = program("[[segment]]\nline = { to = [0, 0, 25] }\n" + "\n".join(lines))
     violations = json.loads(call("check", path, "--json").stdout)["violations"]
@@ -513,7 +515,7 @@ class TestOverwriting:
             raise end
 
         monkeypatch.setattr("benchmarks.reports.plan_report.write_report", fail)
-        done = call("plan", "bare-circle", "--out", old, "--force")
+        done = call("plan", "bare-circle", "--no-figures", "--out", old, "--force")
         assert done.exit_code == code
         assert told in done.stderr
         assert done.stdout == ""

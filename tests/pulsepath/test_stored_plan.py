@@ -23,24 +23,31 @@ line = { to = [2, 2, 25] }
 [[segment]]
 dwell = "20 ms"
 [[segment]]
-turn = { to = [0, 1, 0] }
+turn = { to = [0, 0, 1] }
 """
 SHAPER = 'shaper = { kind = "zv", frequency = "35 Hz", damping = 0.05 }\n'
 PLAY = 'backlash = "5 um"\ncompensate = ["backlash"]\ntake_up_acceleration = "1 m/s^2"\n'
 CASES = {
-    "order 3": ("", [], {}),
+    "order 3": ("hexapod", "", [], {}),
     "in a stated time, by another rule": (
+        "hexapod",
         "",
         ["--order", "2", "--duration", "3 s", "--rule", "dda"],
         {"order": 2, "duration": 3.0, "rule": "dda"},
     ),
     "with less heat, without pulses": (
+        "hexapod",
         "",
         ["--objective", "time + heat", "--pulses", "none"],
         {"objective": "time + heat"},
     ),
-    "after shapers, pulses as CSV": (SHAPER, ["--order", "2", "--pulses", "csv"], {"order": 2}),
-    "with play": (PLAY, ["--order", "2"], {"order": 2}),
+    "after shapers, pulses as CSV": (
+        "traverser",
+        SHAPER,
+        ["--order", "2", "--pulses", "csv"],
+        {"order": 2},
+    ),
+    "with play": ("hexapod", PLAY, ["--order", "2"], {"order": 2}),
 }
 LATER = ("lower_bound", "gap", "worth")
 """What takes long, and is looked at of one case alone."""
@@ -50,9 +57,9 @@ LATER = ("lower_bound", "gap", "worth")
 def stored(tmp_path, call):
     """Plans on the command line, and loads it; the same planned here."""
 
-    def make(axes, options, named):
-        machine, program = tmp_path / "hexapod.toml", tmp_path / "square.toml"
-        text = presets("kinematics")["hexapod"].read_text(encoding="utf-8")
+    def make(preset, axes, options, named):
+        machine, program = tmp_path / "machine.toml", tmp_path / "square.toml"
+        text = presets("kinematics")[preset].read_text(encoding="utf-8")
         machine.write_text(text.replace("[axes]\n", f"[axes]\n{axes}"), encoding="utf-8")
         program.write_text(SQUARE, encoding="utf-8")
         out = tmp_path / "out"
@@ -64,9 +71,9 @@ def stored(tmp_path, call):
     return make
 
 
-@pytest.mark.parametrize(("axes", "options", "named"), CASES.values(), ids=CASES)
-def test_a_loaded_plan_has_all_that_a_fresh_one_has(stored, axes, options, named):
-    loaded, fresh = stored(axes, options, named)
+@pytest.mark.parametrize(("preset", "axes", "options", "named"), CASES.values(), ids=CASES)
+def test_a_loaded_plan_has_all_that_a_fresh_one_has(stored, preset, axes, options, named):
+    loaded, fresh = stored(preset, axes, options, named)
     assert isinstance(loaded, pp.Plan)
     public = {name for name in dir(fresh) if not name.startswith("_")}
     assert public <= set(dir(loaded))
@@ -109,7 +116,7 @@ def test_a_loaded_plan_has_all_that_a_fresh_one_has(stored, axes, options, named
 
 
 def test_its_tables_figure_bound_and_worth_are_those_of_a_fresh_one(stored):
-    loaded, fresh = stored("", ["--order", "2"], {"order": 2})
+    loaded, fresh = stored("hexapod", "", ["--order", "2"], {"order": 2})
     tables = [
         [table for table in plan.tables() if "certificate" not in table.title]
         for plan in (loaded, fresh)

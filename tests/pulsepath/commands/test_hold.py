@@ -282,7 +282,7 @@ def test_a_plan_with_its_stops(call, tmp_path):
             "nothing to resume",
         ),
         (
-            ["--at", "1.2 s", "--format", "steps", "--out", "x", "--resume", "y"],
+            ["--at", "99 %", "--format", "steps", "--out", "x", "--resume", "y"],
             "nothing to resume",
         ),
         (["--at", "1 s", "--out", "x.bin"], "give --format"),
@@ -291,9 +291,9 @@ def test_a_plan_with_its_stops(call, tmp_path):
         (["--at", "1 s", "--stops", "3"], "--at TIME, or --stops"),
     ],
 )
-def test_what_cannot_be_is_refused_in_a_line(call, plan, monkeypatch, given, words):
-    monkeypatch.chdir(plan)
-    done = call("hold", plan, *given)
+def test_what_cannot_be_is_refused_in_a_line(call, corner, tmp_path, monkeypatch, given, words):
+    monkeypatch.chdir(tmp_path)
+    done = call("hold", corner, *given)
     assert done.exit_code == 2
     assert words in done.stderr
-    assert not list(plan.glob("[xy]*"))
+    assert not list(tmp_path.iterdir())

@@ -449,7 +449,7 @@ def test_doubts_about_a_file_are_warnings(call, tmp_path, limit_search):
 
 
 def test_a_speed_that_the_axes_never_come_near_is_a_warning(call, tmp_path):
-    assert call("init", tmp_path / "mine").exit_code == 0
+    assert call("init", tmp_path / "mine", "--machine", "cartesian").exit_code == 0
     file = tmp_path / "mine" / "program.toml"
     text = file.read_text()
     options = (

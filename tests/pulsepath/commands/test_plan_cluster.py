@@ -20,7 +20,7 @@ SAME = ("motion.bin", "pulses.bin", "plan.json", "report.html", "certificate.jso
 
 def code(strokes, bad=""):
     """Strokes of rounded corners, a wait before each but the first."""
-    lines = ["G21 G90 G64 P0.02", "G1 X0 Y0 Z25 F600"]
+    lines = ["G21 G90 G64 P0.02", "G1 X0 Y0 Z4 F600"]
     for n in range(strokes):
         lines += [
             f"G1 X{1 + 0.1 * n:.1f} Y0.5",

@@ -44,6 +44,7 @@ def test_record_motion_and_pulses_are_of_the_shaped_motion(
         "--order",
         "2",
         "--no-figures",
+        "--no-baselines",
     )
     assert done.exit_code == 0, done.stderr
     assert "input shapers" in done.stdout
@@ -106,7 +107,8 @@ def test_the_cost_of_the_shapers_is_told(call, tmp_path):
     for name, machine in (("bare", bare), ("shaped", shaped)):
         file, out = tmp_path / f"{name}.toml", tmp_path / f"{name}-out"
         file.write_text(machine_toml(machine), encoding="utf-8")
-        done = call("plan", program, "--machine", file, "--out", out, "--no-figures")
+        few = ("--no-figures", "--no-baselines", "--no-worth")
+        done = call("plan", program, "--machine", file, "--out", out, *few)
         assert done.exit_code == 0, done.stderr
         record = json.loads((out / "plan.json").read_text())
         took.append(record["duration_s"])
@@ -154,7 +156,8 @@ def test_a_tolerance_that_is_not_proved_behind_the_shapers_is_warned_of(call, tm
     ]
     machine = tmp_path / "machine.toml"
     machine.write_text(machine_toml(pp.load_machine("traverser").driven_by(axes)), encoding="utf-8")
-    done = call("plan", program, "--machine", machine, "--out", out, "--no-figures")
+    few = ("--no-figures", "--no-baselines", "--no-worth")
+    done = call("plan", program, "--machine", machine, "--out", out, *few)
     assert done.exit_code == 0, done.stderr
     told = json.loads((out / "plan.json").read_text())
     table = np.genfromtxt(out / "trajectory.csv", delimiter=",", names=True)

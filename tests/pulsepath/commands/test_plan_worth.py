@@ -72,7 +72,7 @@ def test_a_loaded_plan_knows_what_limits_are_worth(directory, job):
 def test_a_report_without_figures_does_not_load_what_draws(tmp_path):
     code = (
         "import sys\nfrom click.testing import CliRunner\nfrom pulsepath.cli import main\n"
-        f"done = CliRunner().invoke(main, [*{ASKED!r}, '--no-worth', '--out', {str(tmp_path / 'plan')!r}])\n"
+        f"done = CliRunner().invoke(main, [*{ASKED!r}, '--bound', 'none', '--out', {str(tmp_path / 'plan')!r}])\n"
         "print(done.exit_code, 'matplotlib' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

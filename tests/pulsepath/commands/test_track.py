@@ -86,6 +86,8 @@ def test_a_machine_of_other_pulses_is_tracked_on_its_own_rig_alone(call, tmp_pat
         "--out",
         out,
         "--no-figures",
+        "--no-baselines",
+        "--no-worth",
         "--order",
         "2",
     )

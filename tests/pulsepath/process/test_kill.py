@@ -145,9 +145,8 @@ def test_plan_killed_in_the_midst(tmp_path, directory, made, earlier, way):
     out.parent.mkdir()
     if earlier:
         shutil.copytree(directory, out)
-    process = start(
-        "-m", "pulsepath", "plan", program, "--machine", "hexapod", way, "--out", out, "--force"
-    )
+    asked = ("plan", program, "--machine", "hexapod", way, "--order", "2", "--no-figures")
+    process = start("-m", "pulsepath", *asked, "--out", out, "--force")
     kill_when(
         process, out.parent, f".out-*.staged/new/{made}", random.Random(made).uniform(0, 0.05)
     )
