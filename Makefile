@@ -7,6 +7,9 @@ DEV := .venv/.ready-dev
 CANDIDATES := python3.13 python3.12 python3.11 python3
 USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 
+# the processes that tests start load stored byte code
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo docs notebooks test pythons clean
 
 demo: $(READY)

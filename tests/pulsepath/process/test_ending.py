@@ -228,11 +228,12 @@ def test_the_processes_of_its_pool_end_too(tmp_path):
     assert duration < 2.5  # one of the pool ends when the first process has
 
 
-def test_a_terminal_sends_it_to_all_processes(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_terminal_sends_it_to_all_processes(tmp_path, number):
     process = start(tmp_path, "time.sleep(100)", POOL, start_new_session=True)
-    os.killpg(process.pid, signal.SIGHUP)
+    os.killpg(process.pid, number)
     said, _ = end(process)
-    assert (process.returncode, said) == (129, NOTHING_WRITTEN)
+    assert (process.returncode, said) == (128 + number, NOTHING_WRITTEN)
 
 
 def test_a_killed_process_leaves_no_process(tmp_path):
