@@ -42,17 +42,15 @@ def sample_limit_use(
         state = motion.within(np.repeat(batch, count), tau, jerk=order_of(limits) == 3)
         for limit in timed:
             values = limit.value(state).reshape(len(batch), count, -1)
-            low, high = _bound_parabolas(values)
+            low, high = bound_parabolas(values)
             use[limit.name][batch] = largest_in_rows(limit.use(low, high, profile.piece[batch]))
     return use
 
 
-def _bound_parabolas(values: Array) -> tuple[Array, Array]:
-    """Return the least and largest (M, m) of parabolas through each three of values (M, 2n+1,
-    m).
-    """
-    low = values[:, 0].copy()
-    high = low.copy()
+def bound_parabolas(values: Array) -> tuple[Array, Array]:
+    """Return the least and largest (M, m) of parabolas through threes of values (M, 2n + 1, m)."""
+    low = np.full(values[:, 0].shape, np.inf)
+    high = -low
     _widen_range(np.ascontiguousarray(values), low, high)
     return low, high
 
@@ -67,9 +65,12 @@ def _widen_range(values: Floats3, low: Floats2, high: Floats2) -> None:
                 first = values[k, i - 1, c]
                 middle = values[k, i, c]
                 last = values[k, i + 1, c]
-                least = min(middle, last)
-                most = max(middle, last)
+                least = min(first, middle, last)
+                most = max(first, middle, last)
                 second_difference = first - 2 * middle + last
+                if not np.isfinite(second_difference):  # nothing is known of the range
+                    least = -np.inf
+                    most = np.inf
                 # a vertex between first and last
                 if abs(first - last) < 2 * abs(second_difference):
                     vertex = middle - (first - last) ** 2 / (8 * second_difference)

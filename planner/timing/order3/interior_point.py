@@ -111,26 +111,27 @@ LAST_DELTA = 1.0
 MAX_VIOLATION = 1e-6
 # Flat steps in a row after which rounding leaves nothing to gain.
 MAX_FLAT_STEPS = 8
-# Where constraints exclude each other, steps become ever shorter and multipliers diverge: after
-# MAX_SHORT_STEPS in a row below SHORT_STEP, z above MAX_MULTIPLIER says that a unit of a bound is
-# worth a million times the duration. In 4300 solves with a solution (evidence robustness and stops
-# of the circle) z then was 8e4 at most. Of 1500 without one, with 286 000 iterations, these rules
-# end 1120, and leave 121 000.
+# Where constraints exclude each other, steps become ever shorter and multipliers diverge. The method
+# ends after MAX_SHORT_STEPS in a row below SHORT_STEP if a multiplier, in thousandths of the guess'
+# duration, says that a unit of a bound is worth a million durations. In solves that succeed, after
+# such steps, it was 8e4 at most (evidence robustness --third 400 and --kind ratios, November 2026).
+# Nine stops of the circle on the hexapod take 18 s; with all MAX_ITERATIONS they took 53 s.
 MAX_SHORT_STEPS = 5
 SHORT_STEP = 1e-4
 MAX_MULTIPLIER = 1e9
 # Bounds are revised at the first solution for a μ up to EARLY_MU, from where that takes few
-# iterations, and then with each solution for the last μ. Two early revisions take fewer iterations
-# in long splines, but lower rooms too much at ends that are passed.
+# iterations (not from near starts, whose first μ is the last), and then with each solution for the
+# last μ. Two early revisions take fewer iterations in long splines, but lower rooms too much at
+# ends that are passed.
 EARLY_MU = 1e-4
 MAX_REVISIONS = 5
 # Average number of constraints per stage up to which all are active: leaving out some of few saves
 # nothing.
 FEW_CONSTRAINTS = 32
 # Room of inactive constraints below which they are activated: examined in every fourth iteration,
-# and at solutions for which bounds may be revised. An activation extends to stages around, 5 from
-# near starts and 16 from far ones, and to twice as many each time: with a constant number more
-# solves fail.
+# at the first solution for a μ up to EARLY_MU, and at the last. An activation extends to stages
+# around, 5 from near starts and 16 from far ones, and to twice as many each time: with a constant
+# number more solves fail.
 SHORT = 0.1
 EXAMINE_EACH = 4
 REACH = 5
@@ -175,10 +176,9 @@ def minimise(
             continue
         if solved:  # A-2
             return method.result("solved")
-        if method.iterations == MAX_ITERATIONS or method.flat_steps >= MAX_FLAT_STEPS:
-            return method.result("loose" if method.violation(error) <= MAX_VIOLATION else "slow")
-        if method.has_diverged:
-            return method.result("diverged")
+        reason = method.find_failure()
+        if reason is not None:
+            return method.result("loose" if method.violation(error) <= MAX_VIOLATION else reason)
         method.iterations += 1
         method.lower_barrier(error)  # A-3
         if not method.find_direction():  # A-4
@@ -213,6 +213,7 @@ class _Method:
     mask (2, N, 2M + 2)   active constraints
     room (2, N, 2M + 2)   distances of all rows from their bounds, when last examined
     values (N, 2M + 2)    values of all rows then
+    unit                  unit of multipliers, in thousandths of the guess' duration
     last_delta            the last positive δ_w
     """
 
@@ -222,6 +223,7 @@ class _Method:
         warmth = STARTS[start]
         self.posed = posed
         self.tolerance = tolerance
+        self.unit = OBJECTIVE_SCALE / posed.stages.objective_scale
         self.mu = warmth.mu
         self.least_slack = np.full(width, warmth.row_slack)
         self.least_slack[-2:] = warmth.bound_slack
@@ -232,7 +234,6 @@ class _Method:
         self.multipliers = EqualityMultipliers.allocate(count)
         self.filter = Filter()
         self.last_delta = self.delta = 0.0
-        self.flat_steps = self.short_steps = 0
         self.revisions = self.iterations = 0
         self.reach = REACH if start in NEAR_STARTS else FAR_REACH
         self._examine(posed.states, posed.controls)
@@ -288,7 +289,7 @@ class _Method:
         self.merit = measure(self.program, self.point, self.direction, self.trial)
         self.point, self.trial = self.trial, self.point
         self.filter.widen(self.merit.theta)
-        self.flat_steps = 0
+        self.flat_steps = self.short_steps = 0
 
     def linearize(self) -> OptimalityError:
         error: OptimalityError = linearize(
@@ -313,10 +314,14 @@ class _Method:
         is_exact = error.primal <= RESIDUAL_SHARE * self.tolerance
         return self.mu <= self.tolerance and is_exact and self._converged(error)
 
-    @property
-    def has_diverged(self) -> bool:
-        """True if the constraints seem to exclude each other."""
-        return self.short_steps >= MAX_SHORT_STEPS and self.point.z.max() > MAX_MULTIPLIER
+    def find_failure(self) -> Status | None:
+        """Return why the method ends without a solution; None if it continues."""
+        if self.iterations == MAX_ITERATIONS or self.flat_steps >= MAX_FLAT_STEPS:
+            return "slow"
+        # the constraints seem to exclude each other
+        has_stalled = self.short_steps >= MAX_SHORT_STEPS
+        has_diverged = has_stalled and self.unit * self.point.z.max() > MAX_MULTIPLIER
+        return "diverged" if has_diverged else None
 
     def violation(self, error: OptimalityError) -> float:
         """Return the largest residual, of all rows too."""
@@ -409,11 +414,10 @@ class _Method:
         self.multipliers.time[:] += alpha * self.direction.time
 
     def result(self, status: Status) -> Minimum:
-        unit = OBJECTIVE_SCALE / self.posed.stages.objective_scale
         self._examine(self.point.states, self.point.controls)
         # those of inactive constraints, which were left out, are about μ/s
-        multipliers = unit * self.mu / np.maximum(self.room, self.least_slack)
-        multipliers.flat[self.program.active.flat] = unit * self.point.z
+        multipliers = self.unit * self.mu / np.maximum(self.room, self.least_slack)
+        multipliers.flat[self.program.active.flat] = self.unit * self.point.z
         return Minimum(
             status=status,
             iterations=self.iterations,
@@ -421,5 +425,5 @@ class _Method:
             controls=self.point.controls,
             low_multipliers=multipliers[0],
             high_multipliers=multipliers[1],
-            time_multiplier=unit * float(self.multipliers.time[0]),
+            time_multiplier=self.unit * float(self.multipliers.time[0]),
         )

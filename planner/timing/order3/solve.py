@@ -35,7 +35,7 @@ END_SPEED_REWARD = 100.0
 # Tolerance of a motion for whose peaks bounds are revised. With a smaller one each revision begins
 # with slacks so small that they hinder it, for next to no time: COPP's first ten splines (evidence
 # random_splines) take 44, 41 and 37 iterations with 3e-6, 1e-5 and 3e-5. They last 2e-6 longer
-# with the second than with the first, and 2e-5 with the third.
+# with the second than with the first, bundled programs up to 7e-6, and 2e-5 with the third.
 REVISED_TOLERANCE = 1e-5
 # Tolerance of a solution that only shows where time is lost.
 ROUGH_TOLERANCE = 1e-3
