@@ -439,6 +439,7 @@ def test_a_path_out_of_reach_names_the_axes(five_bar):
         (1e-3, 'multiplied by 1000, the path fits: if the program is in m, state length = "m"'),
     ],
 )
+@pytest.mark.filterwarnings("error")
 def test_a_mistaken_unit_is_suspected(hexapod, factor, remedy):
     """Coordinates in the base frame do not fit in any other unit; those from home fit in a smaller
     one.

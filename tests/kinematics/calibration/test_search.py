@@ -94,7 +94,9 @@ def test_the_thesis_data_with_every_factor_and_offset(preset, frame, columns):
     )
 
 
-@pytest.mark.parametrize(("seed", "count", "reach"), [(1, 20, 0.01), (11, 20, 0.005)])
+@pytest.mark.parametrize(
+    ("seed", "count", "reach"), [(1, 20, 0.01), (11, 20, 0.005), (13, 40, 0.01), (14, 20, 0.005)]
+)
 def test_positions_of_a_small_range_show_joints_weakly_and_are_explained(
     preset, seed, count, reach
 ):

@@ -465,6 +465,7 @@ def test_compiling_is_announced_once_and_loading_is_not(load_tiny, monkeypatch, 
         tiny.scale_twice(np.ones(2))
         tiny.scale(np.ones(2), 1.0)
         assert caplog.text.count("compiling numerical kernels") == announcements
+        assert count_loaded(tiny) == 1 - announcements
 
 
 def test_kernels_are_compiled_ahead(load_tiny):

@@ -149,7 +149,6 @@ def test_what_is_proved_of_a_stop_is_of_what_its_copies_do(shaped, stop_at):
             assert held.shaped.worst["speed"] < 0.6 * shaped.certificate.worst["speed"]
 
 
-@pytest.mark.parametrize("shaped", [plan_corners], indirect=True, ids=["corners"])
 def test_the_way_on_is_proved_behind_shapers(shaped, stop_at):
     axes, home = shaped.machine.axes, shaped.machine.home_q
     held = stop_at(instants(shaped)[1])

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinematics import MotionError
+from kinematics import MotionError, load_machine
 from planner import Infeasible, Line, Program, check, classical, plan, plan_parts
-from planner.bounds import bound_duration, find_worth
 from planner.limits import Limit, Term
 from planner.limits.limit import Rows
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
@@ -25,9 +24,14 @@ WAY = Program(
 NAME = PayloadAcceleration.name
 
 
+@pytest.fixture(scope="module")
+def machine():
+    return load_machine("hexapod")
+
+
 @pytest.fixture(scope="module", params=[2, 3])
-def held(request, hexapod):
-    return plan(WAY, hexapod, order=request.param, limits=[PayloadAcceleration()])
+def held(request, machine):
+    return plan(WAY, machine, order=request.param, limits=[PayloadAcceleration()])
 
 
 def felt(trajectory):
@@ -38,18 +42,17 @@ def felt(trajectory):
     return np.diff(trajectory.at(t).pose.apply(PLACE), 2, axis=0) / t[1] ** 2
 
 
-def test_a_plan_keeps_it_and_its_certificate_proves_it(held, hexapod):
+def test_a_plan_keeps_it_and_its_certificate_proves_it(held, machine):
     assert held.certificate.holds
     assert 0.99 < held.certificate.worst[NAME] <= 1
     assert np.abs(felt(held.trajectory)).max() == pytest.approx(CAP, rel=1e-3)
-    free = plan(WAY, hexapod, order=held.order)
+    free = plan(WAY, machine, order=held.order)
     assert NAME not in free.certificate.worst  # nothing of it stays behind
     assert np.abs(felt(free.trajectory)).max() > 1.5 * CAP
     assert free.trajectory.duration < held.trajectory.duration
     assert not {PayloadAcceleration} & {*AXIS_LIMITS, *MACHINE_LIMITS}
 
 
-@pytest.mark.parametrize("held", [2], indirect=True)
 def test_what_is_made_from_the_plan_keeps_it(held):
     middle = held.trajectory.duration / 4
     for section in (held.hold(middle), held.resume(0.01), held.resume(0.0, 0.5)):
@@ -58,14 +61,13 @@ def test_what_is_made_from_the_plan_keeps_it(held):
         assert np.abs(felt(section.trajectory)).max() <= CAP * (1 + 1e-3)
     timing = classical(held, "trapezoid")
     assert timing.certificate.worst[NAME] <= 1
-    motion = held.trajectory, held.limits, held.order
-    bound = bound_duration(*motion, most_cells=600)
-    assert bound.value <= held.duration * (1 + 1e-9)
-    assert find_worth(*motion, held.certificate, bound).of(NAME, "x") is not None
+    if held.order == 2:  # at order 3 it takes twenty times as long, by the same rows
+        assert held.lower_bound <= held.trajectory.duration * (1 + 1e-9)
+        assert held.worth.of(NAME, "x") is not None
 
 
-def test_plans_in_parts_keep_it(hexapod):
-    parts = [*plan_parts(WAY, hexapod, order=2, limits=[PayloadAcceleration()])]
+def test_plans_in_parts_keep_it(machine):
+    parts = [*plan_parts(WAY, machine, order=2, limits=[PayloadAcceleration()])]
     assert parts[-1].standing.certificate.holds
     assert 0.99 < parts[-1].standing.certificate.worst[NAME] <= 1
 
@@ -80,10 +82,10 @@ class Loose(PayloadAcceleration):
         return Rows({term: value / 2 for term, value in rows.coefficients.items()}, rows.bound)
 
 
-def test_rows_that_say_too_little_cost_time_and_never_a_limit(hexapod):
+def test_rows_that_say_too_little_cost_time_and_never_a_limit(machine):
     """The certificate looks at the value alone: the plan is refused, or holds."""
     try:
-        held = plan(WAY, hexapod, order=2, limits=[Loose()])
+        held = plan(WAY, machine, order=2, limits=[Loose()])
     except MotionError:
         return
     assert np.abs(felt(held.trajectory)).max() <= CAP * (1 + 1e-3)
@@ -106,24 +108,24 @@ class Height(Limit):
         return high / self.bounds
 
 
-def test_a_limit_of_the_place_alone_is_refused_with_the_place(hexapod):
-    high = hexapod.home.translation[2] + 0.02
-    assert plan(WAY, hexapod, limits=[Height(high + 1e-6)]).certificate.worst[
+def test_a_limit_of_the_place_alone_is_refused_with_the_place(machine):
+    high = machine.home.translation[2] + 0.02
+    assert plan(WAY, machine, limits=[Height(high + 1e-6)]).certificate.worst[
         "height"
     ] == pytest.approx(1, abs=1e-4)
     with pytest.raises(Infeasible, match=r"height .*mm.*segment 1") as no:
-        plan(WAY, hexapod, limits=[Height(high - 1e-3)])
+        plan(WAY, machine, limits=[Height(high - 1e-3)])
     assert no.value.kind == "height"
-    violations = check(WAY, hexapod, limits=[Height(high - 1e-3)]).violations
+    violations = check(WAY, machine, limits=[Height(high - 1e-3)]).violations
     assert {violation.kind for violation in violations} == {"height"}
-    assert not check(WAY, hexapod, limits=[Height(high + 1e-6), PayloadAcceleration()]).violations
+    assert not check(WAY, machine, limits=[Height(high + 1e-6), PayloadAcceleration()]).violations
 
 
-def test_what_depends_on_the_path_is_made_for_it(hexapod):
+def test_what_depends_on_the_path_is_made_for_it(machine):
     def slow(machine, path):
         return ToolSpeed([5e-3] * len(path.pieces))
 
-    held = plan(WAY, hexapod, limits=[slow])
+    held = plan(WAY, machine, limits=[slow])
     speed = np.linalg.norm(np.diff(held.trajectory.at(np.linspace(0, held.trajectory.duration, 5001)).pose.translation,
                                    axis=0), axis=1).max() / held.trajectory.duration * 5000  # fmt: skip
     assert speed == pytest.approx(5e-3, rel=1e-3)
@@ -203,20 +205,20 @@ class Crooked(PayloadAcceleration):
         (Jerky(), '"jerky" limits jerk, and the motion is of order 2; give order=3'),
     ],
 )
-def test_what_is_no_limit_is_refused(hexapod, given, told):
+def test_what_is_no_limit_is_refused(machine, given, told):
     with pytest.raises(MotionError, match=told):
-        plan(WAY, hexapod, order=2, limits=[given])
+        plan(WAY, machine, order=2, limits=[given])
 
 
 @pytest.mark.parametrize("given", [PayloadAcceleration(), None, 0.3])
-def test_limits_are_a_list(hexapod, given):
+def test_limits_are_a_list(machine, given):
     for ask in (plan, check):
         with pytest.raises(MotionError, match="limits must be a list of limits"):
-            ask(WAY, hexapod, limits=given)
+            ask(WAY, machine, limits=given)
     with pytest.raises(MotionError, match="limits must be a list of limits"):
-        next(plan_parts(WAY, hexapod, limits=given))
+        next(plan_parts(WAY, machine, limits=given))
 
 
-def test_one_name_stands_for_one_limit(hexapod):
+def test_one_name_stands_for_one_limit(machine):
     with pytest.raises(MotionError, match="already"):
-        plan(WAY, hexapod, order=2, limits=[PayloadAcceleration(), PayloadAcceleration()])
+        plan(WAY, machine, order=2, limits=[PayloadAcceleration(), PayloadAcceleration()])

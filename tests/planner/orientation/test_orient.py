@@ -27,12 +27,10 @@ from planner.path.actuation import actuate
 from planner.path.shape import DEGREE
 
 
-@pytest.fixture(scope="module", autouse=True)
-def few_intervals():
+@pytest.fixture
+def few_intervals(monkeypatch):
     """A coarser grid, on which a choice takes a third of the time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("planner.orientation.nlp.INTERVALS", 16)
-        yield
+    monkeypatch.setattr("planner.orientation.nlp.INTERVALS", 16)
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +99,7 @@ def test_time_is_what_is_chosen_for(reach, fastest, hexapod):
     )
 
 
+@pytest.mark.usefixtures("few_intervals")
 def test_a_cone_is_never_left(hexapod):
     """The tool's axis leans by at most the cone, at every instant; the tool's point goes where it
     went.
@@ -125,6 +124,7 @@ def test_a_cone_is_never_left(hexapod):
     assert np.abs(tip[0] - tip[1]).max() < 1e-15
 
 
+@pytest.mark.usefixtures("few_intervals")
 def test_free_segments_give_the_orientation_back(hexapod):
     """Before a segment that is not free, and at the end of each repetition, it is the program's
     own.
@@ -181,6 +181,7 @@ def test_free_in_a_file(tmp_path):
             load_program(path)
 
 
+@pytest.mark.usefixtures("few_intervals")
 def test_limits_that_differ_by_direction_are_no_hindrance(hexapod):
     axes = [
         replace(axis, max_speed=(0.015, 0.02), max_acceleration=(0.2, 0.3)) for axis in hexapod.axes
@@ -192,6 +193,7 @@ def test_limits_that_differ_by_direction_are_no_hindrance(hexapod):
     assert made.certificate.holds
 
 
+@pytest.mark.usefixtures("few_intervals")
 def test_what_turns_out_slower_than_as_the_program_says_is_not_taken(hexapod, monkeypatch):
     """Stretch by stretch: an estimate that wriggles is dropped, one that is faster beside it, after
     a rest, is kept.
@@ -249,6 +251,7 @@ def test_through_a_passage_it_turns_smoothly(hexapod):
     assert slopes[0] == pytest.approx(slopes[1], abs=1e-12)
 
 
+@pytest.mark.usefixtures("few_intervals")
 def test_a_small_cone_is_a_cone_too(hexapod):
     """0.5 mrad: the choice uses it all, and no more."""
     lean, start = 5e-4, RigidTransform.from_translation([0, 0, 0.03])

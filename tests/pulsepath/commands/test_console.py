@@ -186,7 +186,9 @@ def test_killed_in_a_motion_it_does_not_offer_what_moved(state):
     assert again.stdout.splitlines()[1] == "X ?0 Y 0 Z 0 R 0 (?: not counted from home)"
 
 
-@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+)
 def test_interrupted_it_stops_and_says_what_was_left(state, sent, code):
     process = subprocess.Popen(
         [sys.executable, "-m", "pulsepath", "console", "--machine", "traverser", "--state", str(state), "--tcp", "0"],

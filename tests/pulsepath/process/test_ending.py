@@ -207,15 +207,24 @@ def end(process, *numbers, pause=0.5):
     return said, time.monotonic() - begin
 
 
-@pytest.mark.parametrize(("pause", "at_once"), [(REPEAT_TIME / 2, False), (2 * REPEAT_TIME, True)])
-def test_a_second_signal_ends_it_at_once_unless_it_is_the_first_repeated(tmp_path, pause, at_once):
+@pytest.mark.parametrize(
+    ("numbers", "pause", "at_once"),
+    [
+        ((signal.SIGTERM, signal.SIGINT), REPEAT_TIME / 2, False),
+        ((signal.SIGINT, signal.SIGTERM), REPEAT_TIME / 2, False),
+        ((signal.SIGTERM, signal.SIGINT), 2 * REPEAT_TIME, True),
+    ],
+)
+def test_a_second_signal_ends_it_at_once_unless_it_is_the_first_repeated(
+    tmp_path, numbers, pause, at_once
+):
     """Though what a signal raises is swallowed: the watching thread ends it, after the grace period
     or at once, and cleans up.
     """
     process = start(tmp_path, SWALLOW, STAGE)
     assert list((tmp_path / "a" / "b").iterdir())
-    said, duration = end(process, signal.SIGTERM, signal.SIGINT, pause=pause)
-    assert (process.returncode, said) == (143, NOTHING_WRITTEN)
+    said, duration = end(process, *numbers, pause=pause)
+    assert (process.returncode, said) == (128 + numbers[0], NOTHING_WRITTEN)
     assert duration < 2
     assert (duration < GRACE_PERIOD - 0.2) == at_once
     assert list(tmp_path.iterdir()) == []
@@ -352,12 +361,17 @@ LINES = "G21 G90 F2000\n" + "".join(f"G1 X{n % 7} Y{n % 11}\n" for n in range(30
 CIRCLE = Path("planner/presets/bare-circle.toml").read_text()
 PARTS = ("plan", "long.nc", "--machine", "corexy", "--stream", "--out", "there/a/out")
 STUDIO = ("studio", "there", "--program", "circle.toml", "--no-browser", "--port", "0")
-# What runs, s until a signal, drawn at random once, and the signal.
-RUNS = {"plan in parts": (PARTS, 1.97, signal.SIGHUP), "studio": (STUDIO, 2.15, signal.SIGTERM)}
+# What runs, s until a signal, and the signal.
+RUNS = {
+    "plan in parts": (PARTS, 1.97, signal.SIGHUP),
+    "plan in parts, later": (PARTS, 3.1, signal.SIGINT),
+    "studio, soon": (STUDIO, 0.9, signal.SIGINT),
+    "studio": (STUDIO, 2.15, signal.SIGTERM),
+}
 
 
 @pytest.mark.parametrize(("arguments", "instant", "number"), RUNS.values(), ids=RUNS)
-def test_a_signal_at_a_random_instant(tmp_path, arguments, instant, number):
+def test_a_signal_at_any_instant(tmp_path, arguments, instant, number):
     """The command ends within 2 s, and leaves no process, no traceback and nothing unfinished."""
     (tmp_path / "long.nc").write_text(LINES)
     (tmp_path / "circle.toml").write_text(CIRCLE)
