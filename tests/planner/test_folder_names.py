@@ -32,17 +32,15 @@ INTERNALS = {
     "planner/timing/test_slowed_runs.py",
     "planner/timing/test_end_speeds.py",
     "planner/timing/test_small_blends.py",
-    "planner/timing/test_constant_speed_runs.py",
     "planner/interruption/test_hold.py",
     "planner/interruption/test_seams.py",
     "planner/interruption/test_shaped_hold.py",
     # averages and enclosures to the last bit
     "planner/timing/test_long_durations.py",
+    "planner/timing/test_sampling.py",
     "planner/certificate/test_ranges.py",
     "planner/limits/test_tool_jerk.py",
     "planner/limits/test_resonance.py",
-    # a page whose search of all stops is cut to one interval
-    "docs/test_pages.py",
     # how much work a bound may be, and what an adapter says
     "pulsepath/commands/test_plan_bound.py",
     "pulsepath/commands/test_plan_cross_check.py",
