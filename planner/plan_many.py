@@ -35,8 +35,7 @@ def plan_many(
     machine, order, clock_hz, limits
         As for `plan`.
     address
-        Address of a Dask scheduler (`run_on_cluster`). None: this computer's cores, and this
-        process for one program.
+        Address of a Dask scheduler (`run_on_cluster`). None: this computer's cores.
     progress
         Callback with how many programs are done, and of how many.
 
@@ -48,18 +47,12 @@ def plan_many(
     Raises
     ------
     MotionError
-        Dask is needed and not installed, or no scheduler answers at the address.
+        Dask is not installed, or no scheduler answers at the address.
     """
     loaded = [load_program(program) for program in programs]
     shared = (load_machine(machine), PlanRequest(order=order, clock_hz=clock_hz, limits=limits))
     results: dict[int, Plan | MotionError] = {}
-    done: Iterable[tuple[int, Plan | MotionError]] = ()
-    if len(loaded) == 1 and address is None:
-        # a program is planned before a worker has started
-        done = [(0, _plan_one(loaded[0], shared))]
-    elif loaded:
-        done = run_on_cluster(_plan_one, loaded, shared, address)
-    for n, result in done:
+    for n, result in run_on_cluster(_plan_one, loaded, shared, address) if loaded else ():
         if isinstance(result, LostTask):
             results[n] = MotionError(f"program {loaded[n].name}: {result}")
         else:

@@ -59,15 +59,7 @@ def test_no_answer_says_where(connection_time, hexapod):
 def test_without_dask_the_extra_is_named(monkeypatch, hexapod):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(MotionError, match=r"pulsepath\[cluster\]"):
-        plan_many(programs(2), hexapod)
-
-
-def test_one_program_is_planned_here(monkeypatch, hexapod):
-    monkeypatch.setattr("planner.cluster.open_cluster", lambda *_, **__: pytest.fail("a cluster"))
-    told = []
-    (found,) = plan_many(programs(1), hexapod, order=2, progress=lambda *done: told.append(done))
-    assert found.duration == plan(programs(1)[0], hexapod, order=2).duration
-    assert told == [(1, 1)]
+        plan_many(programs(1), hexapod)
 
 
 def test_nothing_to_plan(hexapod):
