@@ -114,8 +114,9 @@ MAX_FLAT_STEPS = 8
 # Where constraints exclude each other, steps become ever shorter and multipliers diverge. The method
 # ends after MAX_SHORT_STEPS in a row below SHORT_STEP if a multiplier, in thousandths of the guess'
 # duration, says that a unit of a bound is worth a million durations. In solves that succeed, after
-# such steps, it was 8e4 at most (evidence robustness --third 400 and --kind ratios, November 2026).
-# Nine stops of the circle on the hexapod take 18 s; with all MAX_ITERATIONS they took 53 s.
+# such steps, it was 8e4 at most, counted by hand in evidence robustness --third 400 and --kind
+# ratios in November 2026. Nine stops of the circle on the hexapod (`Plan.hold`) take a third of the
+# time that they take with MAX_MULTIPLIER = np.inf.
 MAX_SHORT_STEPS = 5
 SHORT_STEP = 1e-4
 MAX_MULTIPLIER = 1e9

@@ -41,23 +41,28 @@ MOMENTS = {
 }
 
 
+def launch(folder, *arguments, stdout=subprocess.PIPE):
+    """Start Python in a folder, with this project."""
+    return subprocess.Popen(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": os.getcwd()},  # noqa: PTH109
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        # a shell's background job ignores it
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
 def interrupted(folder, arguments, moment, number=signal.SIGINT, again=False):
     """Exit code and stderr of a command to which a signal is sent once it says that it begins
     something.
 
     moment  None: as soon as the command line has loaded
     """
-    process = subprocess.Popen(
-        [sys.executable, "-X", "importtime", "-m", "pulsepath", *arguments] if moment is None
-        else [sys.executable, "-m", "pulsepath", *arguments],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": os.getcwd()},  # noqa: PTH109
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        # a shell's background job ignores it
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
+    options = ("-X", "importtime") if moment is None else ()
+    process = launch(folder, *options, "-m", "pulsepath", *arguments)
     begun = (
         "numpy" if moment is None else moment
     )  # the first that a command loads, after the command line itself
@@ -377,15 +382,7 @@ def test_a_signal_at_any_instant(tmp_path, arguments, instant, number):
     (tmp_path / "circle.toml").write_text(CIRCLE)
     there = tmp_path / "there"
     there.mkdir()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "pulsepath", *arguments],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": os.getcwd()},  # noqa: PTH109
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+    process = launch(tmp_path, "-m", "pulsepath", *arguments, stdout=subprocess.DEVNULL)
     time.sleep(instant)
     done = process.poll() == 0
     process.send_signal(number)
